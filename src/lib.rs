@@ -61,6 +61,9 @@ pub mod pipeline;
 pub mod report;
 pub mod system;
 
+/// The version of this package and of the command.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
 pub use warpknit_chart as chart;
 pub use warpknit_core::{drape, fabric, garment, ids, knit, locate, map, number, tile, yarn};
 pub use warpknit_export as export;

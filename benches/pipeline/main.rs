@@ -7,6 +7,7 @@ mod frames;
 mod inputs;
 mod knit;
 mod locate;
+mod rays;
 mod read;
 mod render;
 mod strain;
@@ -32,6 +33,7 @@ criterion_group! {
     name = benches;
     config = configured();
     targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches,
-        whole::benches, frames::benches, strain::benches, clearance::benches, render::benches
+        whole::benches, frames::benches, strain::benches, clearance::benches, rays::benches,
+        render::benches
 }
 criterion_main!(benches);

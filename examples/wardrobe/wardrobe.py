@@ -1,7 +1,7 @@
 """Knits a wardrobe, every garment in every fabric, on the workers of a Ray cluster. See README.md beside this file.
 
-A job is one call of `warpknit` into a folder of its own. It is done when its report stands there under its final name: `warpknit` renames
-whole files only, and its report last. So jobs that are done are never started again, and one whose worker died is started anew.
+A job is one drape into a folder of its own: by the Python package in the worker, or, with `--binary`, by a call of the command. It is done
+when its report stands there under its final name: warpknit renames whole files only, and its report last. So jobs that are done are never started again, and one whose worker died is started anew.
 """
 
 import argparse
@@ -41,7 +41,7 @@ def part_of(arguments, part):
 
 
 def jobs_of(arguments):
-    """Each job's name, with the arguments and the endings of its files."""
+    """Each job's name, with the command's arguments and the endings of its files."""
     common = ["--renderer", "cpu", "--threads", "1", "--quiet"]
     for garment in arguments.garments:
         meshes = [str(MESHES / name) for name in GARMENTS[garment]]
@@ -70,6 +70,18 @@ def is_done(out, name):
     return (out / name / f"{name}.json").exists()
 
 
+def drape(flags, files):
+    """Drapes by the Python package what the command's flags say: meshes, fabric and size."""
+    # Here and not above: machines that only start jobs need no package.
+    import warpknit
+
+    meshes = flags[: flags.index("--fabric")]
+    fabric, size = (flags[flags.index(flag) + 1] for flag in ("--fabric", "--size"))
+    fabric = warpknit.Fabric.load(fabric) if fabric.endswith(".toml") else warpknit.Fabric.named(fabric)
+    yarns = warpknit.drape(warpknit.Garment.load(*meshes), fabric)
+    yarns.save(*files, size=tuple(int(side) for side in size.split("x")))
+
+
 @ray.remote(num_cpus=1, max_retries=RETRIES)
 def knit(binary, out, name, arguments, endings):
     """One job, at most once: what happened, in a word."""
@@ -83,7 +95,13 @@ def knit(binary, out, name, arguments, endings):
         # What a killed program was writing; it never got its final name.
         for partial in folder.glob(".warpknit-*"):
             partial.unlink()
-        outputs = [flag for ending in endings for flag in ("-o", str(folder / f"{name}.{ending}"))]
+        files = [folder / f"{name}.{ending}" for ending in endings]
+        if binary is None:
+            note(out, name, f"start worker={os.getpid()} program={os.getpid()}")
+            drape(arguments, files)
+            note(out, name, "done")
+            return "knitted"
+        outputs = [flag for file in files for flag in ("-o", str(file))]
         command = [binary, "drape", *arguments, *outputs]
         program = subprocess.Popen(command, pass_fds=[lock.fileno()], stderr=subprocess.PIPE, text=True)
         note(out, name, f"start worker={os.getpid()} program={program.pid}")
@@ -218,7 +236,7 @@ def check(arguments):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--binary", default="warpknit", help="the program [default: the one on the path]")
+    parser.add_argument("--binary", help="the command to call [default: the Python package]")
     parser.add_argument("--out", type=Path, default=Path("wardrobe"), help="a folder that all workers see")
     parser.add_argument("--garments", nargs="+", choices=GARMENTS, default=list(GARMENTS))
     parser.add_argument("--fabrics", nargs="+", default=["tricot", "locknit", "satin"])
@@ -229,11 +247,17 @@ def main():
     parser.add_argument("--tiles", type=int, default=0, help="parts of its data points, in the first fabric, to be knitted apart and joined")
     parser.add_argument("--check", action="store_true", help="kill a worker on the way and look what came of it")
     arguments = parser.parse_args()
-    binary = shutil.which(arguments.binary)
-    if binary is None:
-        parser.error(f"there is no program {arguments.binary}: name it with --binary")
-    arguments.binary, arguments.out = str(Path(binary).resolve()), arguments.out.resolve()
+    if arguments.binary is not None:
+        binary = shutil.which(arguments.binary)
+        if binary is None:
+            parser.error(f"there is no program {arguments.binary}: name it with --binary")
+        arguments.binary = str(Path(binary).resolve())
+    elif arguments.tiles:
+        parser.error("the Python package has no tiles: name the command with --binary")
+    arguments.out = arguments.out.resolve()
     local = {} if arguments.address else {"num_cpus": arguments.workers, "include_dashboard": False}
+    # A worker has one processor, and so should its drape. The package reads this when it is first used.
+    local["runtime_env"] = {"env_vars": {"RAYON_NUM_THREADS": "1"}}
     ray.init(address=arguments.address, log_to_driver=False, logging_level="error", **local)
     if arguments.check:
         check(arguments)

@@ -6,6 +6,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use warpknit::export::Axes;
+use warpknit::export::glb::GlbOptions;
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::ReadOptions;
 use warpknit::pipeline::{Densities, PictureSettings, Placement, Settings, Source, cache_folder};
@@ -60,6 +62,8 @@ impl Shared {
             centre_lines: self.curves,
             usd_curves: self.usd_curves.into(),
             inp: self.inp.into(),
+            axes: Axes { unit: self.file_unit.into(), up: self.up.into() },
+            glb: GlbOptions { precision: self.glb_precision.into(), nodes: self.nodes.into() },
             picture: self.picture(),
             ..Settings::default()
         }

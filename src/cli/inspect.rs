@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use glam::DVec3;
-use warpknit::chart::{ChartFormat, Drawing};
+use warpknit::chart::Drawing;
 use warpknit::export::Output;
 use warpknit::garment::stretch::{Percentiles, isometry, stretch};
 use warpknit::garment::{Garment, GarmentError, GarmentSummary, ReadOptions, read};
@@ -15,8 +15,10 @@ use warpknit::locate::overlap::{Overlaps, overlaps};
 use super::args::{DEFAULT_FABRIC, Inspect};
 use super::choice::named_fabric;
 use super::drapes::expanded;
+use super::facts::facts;
 use super::sheet::{diagrams, drawn, sheet};
 use super::terminal::{print, tell};
+use super::values::FactsFormat;
 use warpknit::pipeline::{Densities, check_distinct, numbered};
 
 /// The most overlaps that are listed. The largest ones come first.
@@ -31,7 +33,15 @@ pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
         let asked = asked.as_deref().unwrap_or(DEFAULT_FABRIC);
         let (fabric, _) = chains.on(named_fabric(asked)?, Densities::default())?;
         let name = chains.label(asked, &fabric);
-        let (whole, notes) = diagrams(&fabric, &arguments.outputs)?;
+        let mut charts = Vec::new();
+        for (path, format) in &arguments.outputs {
+            let FactsFormat::Chart(chart) = format else {
+                let why = "a .json has facts of garments; name .svg or .png for a lapping";
+                return Err(anyhow!("{}: {why}", path.display()));
+            };
+            charts.push((path.clone(), *chart));
+        }
+        let (whole, notes) = diagrams(&fabric, &charts)?;
         notes.iter().for_each(|note| tell(false, &format!("note: {name}: {note}")));
         print(&sheet(&fabric)?)?;
         pictures = whole;
@@ -96,7 +106,7 @@ fn sheets_of_each(
     arguments: &Inspect,
     meshes: &[PathBuf],
     garments: usize,
-) -> Result<Vec<Vec<(PathBuf, ChartFormat)>>> {
+) -> Result<Vec<Vec<(PathBuf, FactsFormat)>>> {
     let mut each = vec![Vec::new(); garments];
     // With a fabric, the outputs are its diagrams, which are drawn already.
     if arguments.has_fabric() {
@@ -116,16 +126,20 @@ fn sheets_of_each(
     Ok(each)
 }
 
-/// Draws a garment's sheet into complete files, still under their temporary names.
-fn draw(name: &str, garment: &Garment, targets: &[(PathBuf, ChartFormat)]) -> Result<Vec<Output>> {
-    if targets.is_empty() {
-        return Ok(Vec::new());
+/// Draws a garment's sheet and writes its facts into complete files, still under their temporary names.
+fn draw(name: &str, garment: &Garment, targets: &[(PathBuf, FactsFormat)]) -> Result<Vec<Output>> {
+    let mut drawing = None;
+    let mut whole = Vec::with_capacity(targets.len());
+    for (path, format) in targets {
+        whole.push(match format {
+            FactsFormat::Json => Output::create_whole(path, facts(name, garment)?.as_bytes())?,
+            FactsFormat::Chart(format) => {
+                let drawing = drawing.get_or_insert_with(|| Drawing::from_garment(name, garment));
+                drawn(drawing, path, *format)?
+            }
+        });
     }
-    let drawing = Drawing::from_garment(name, garment);
-    Ok(targets
-        .iter()
-        .map(|(path, format)| drawn(&drawing, path, *format))
-        .collect::<Result<_, _>>()?)
+    Ok(whole)
 }
 
 /// The name of a garment of two files.

@@ -9,6 +9,7 @@ mod contact;
 mod cpu_time;
 mod drapes;
 mod fabrics;
+mod facts;
 mod inspect;
 mod make;
 mod numbers;

@@ -10,7 +10,8 @@ use clap::ValueEnum;
 use glam::{DVec2, DVec3};
 use warpknit::chart;
 use warpknit::drape::strands::Edge;
-use warpknit::export::{Format, InpDialect, UsdCurves};
+use warpknit::export::glb::{Nodes, Precision};
+use warpknit::export::{FileUnit, Format, InpDialect, UpAxis, UsdCurves};
 use warpknit::map::Mapping;
 use warpknit::pipeline::{Enlarge, FREE_PULLS, LoupeChoice, STRETCHES, Stretch};
 use warpknit::render::scene::Shape;
@@ -115,6 +116,77 @@ impl From<EdgeArg> for Edge {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum FileUnitArg {
+    /// Millimetres
+    Mm,
+    /// Centimetres
+    Cm,
+    /// Metres
+    M,
+}
+
+impl From<FileUnitArg> for FileUnit {
+    fn from(chosen: FileUnitArg) -> Self {
+        match chosen {
+            FileUnitArg::Mm => Self::Mm,
+            FileUnitArg::Cm => Self::Cm,
+            FileUnitArg::M => Self::M,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum UpArg {
+    /// y, and z towards the viewer
+    Y,
+    /// z, and -y towards the viewer
+    Z,
+}
+
+impl From<UpArg> for UpAxis {
+    fn from(chosen: UpArg) -> Self {
+        match chosen {
+            UpArg::Y => Self::Y,
+            UpArg::Z => Self::Z,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum PrecisionArg {
+    /// 16 bits a coordinate and 8 a normal's
+    U16,
+    /// Floats of 32 bits
+    F32,
+}
+
+impl From<PrecisionArg> for Precision {
+    fn from(chosen: PrecisionArg) -> Self {
+        match chosen {
+            PrecisionArg::U16 => Self::Quantised,
+            PrecisionArg::F32 => Self::F32,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum NodesArg {
+    /// Each bar of each panel
+    Bar,
+    /// Each yarn
+    Yarn,
+}
+
+impl From<NodesArg> for Nodes {
+    fn from(chosen: NodesArg) -> Self {
+        match chosen {
+            NodesArg::Bar => Self::Bar,
+            NodesArg::Yarn => Self::Yarn,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
 pub(crate) enum MappingArg {
     /// The source paper's method: affine in each triangle
     Frame,
@@ -173,11 +245,33 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-/// Parses the path of a drawing.
-pub(super) fn diagram(text: &str) -> Result<(PathBuf, chart::ChartFormat), String> {
+/// The formats of what `inspect` finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FactsFormat {
+    /// A drawing.
+    Chart(chart::ChartFormat),
+    /// The facts of a garment, for scripts.
+    Json,
+}
+
+impl FactsFormat {
+    /// The ending that asks for it.
+    pub(crate) fn ending(self) -> &'static str {
+        match self {
+            Self::Chart(chart) => chart.ending(),
+            Self::Json => ".json",
+        }
+    }
+}
+
+/// Parses the path of a file of `inspect`.
+pub(super) fn diagram(text: &str) -> Result<(PathBuf, FactsFormat), String> {
     let path = PathBuf::from(text);
-    let format = chart::ChartFormat::from_path(&path)
-        .ok_or("drawings can't be written with this ending; known are .svg .png")?;
+    let is_json = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
+    let chart = || chart::ChartFormat::from_path(&path).map(FactsFormat::Chart);
+    let format = if is_json { Some(FactsFormat::Json) } else { chart() };
+    let format =
+        format.ok_or("inspect writes no file with this ending; known are .svg .png .json")?;
     Ok((path, format))
 }
 

@@ -39,7 +39,7 @@ pub(super) fn points(cloth: &Cloth<'_>, fabric: &Fabric) -> f64 {
     (0..fabric.yarn_systems()).map(of_bar).sum()
 }
 
-/// Bytes of a file of a cloth, or `None` for pictures and reports. `section` is that of its tubes.
+/// Bytes of a file of a cloth, or `None` for pictures, reports and pages. `section` is that of its tubes.
 pub(super) fn file_bytes(
     format: Format,
     cloth: &Cloth<'_>,
@@ -52,9 +52,10 @@ pub(super) fn file_bytes(
     let (rings, vertices) = (stitches * st, stitches * st * (sr + 1.0));
     let triangles = 2.0 * stitches * st * sr;
     Some(match format {
-        Format::Png | Format::Json => return None,
-        // Indices take half of that where yarns are short.
-        Format::Glb => 32.0 * vertices + 12.0 * triangles,
+        // Pages are compressed, to a tenth where all stitches are alike.
+        Format::Png | Format::Json | Format::Html => return None,
+        // With floats and textures twice as much.
+        Format::Glb => 12.0 * stitches * st * sr + 6.0 * triangles,
         Format::Ply => 35.0 * vertices + 13.0 * triangles,
         Format::Obj => 90.0 * vertices + 54.0 * triangles,
         Format::ObjLines => 40.0 * rings,

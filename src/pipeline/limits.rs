@@ -11,7 +11,7 @@ use super::settings::{LoupeChoice, Placement, Settings, Wanted};
 use super::targets::check_distinct;
 use crate::drape::strands::Losses;
 use crate::drape::{Cloth, DrapeOptions, Totals};
-use crate::export::Format;
+use crate::export::{ExportError, Format, html};
 use crate::garment::Garment;
 use crate::garment::stretch::stretch;
 use crate::map::Mapping;
@@ -80,6 +80,19 @@ pub fn check_stitches(stitches: u64) -> Result<(), RunError> {
         return Err(RunError::TooManyStitches { stitches, most: MOST_STITCHES });
     }
     Ok(())
+}
+
+/// Refuses a page of more stitches than a browser shows, before they are knitted.
+pub(super) fn check_pages(outputs: &[Wanted], stitches: u64) -> Result<(), ExportError> {
+    match outputs.iter().find(|(_, format)| *format == Format::Html) {
+        Some((path, _)) if stitches > html::MOST_STITCHES => Err(ExportError::PageTooLarge {
+            path: Some(path.clone()),
+            count: stitches,
+            what: "stitches",
+            most: html::MOST_STITCHES,
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// Refuses cloth that needs more memory than is free, before the work rather than in the middle of

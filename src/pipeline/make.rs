@@ -13,7 +13,9 @@ use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::drawn::{Drawn, empty_scene};
 use super::job::Job;
-use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
+use super::limits::{
+    check_laid, check_memory, check_pages, check_stitches, locked_warning, loss_warning,
+};
 use super::notes;
 use super::pictures::Pictures;
 use super::settings::Wanted;
@@ -147,12 +149,13 @@ impl<'a> Prepared<'a> {
             None
         };
         check_stitches(job.filed().stitches())?;
+        check_pages(&outputs, job.filed().stitches())?;
         if let Some((drawn, _)) = &pictures {
             let stitches = drawn.cloth(job).stitches();
             check_stitches(stitches)?;
             check_memory("a picture", stitches, drawn.bytes / 1e9, notes::remedy(job))?;
         }
-        let sinks = sinks(&outputs, job, &setup)?;
+        let sinks = sinks(&outputs, job, &setup, &job.cloth.garment().panels)?;
         Ok(Self { job, setup, outputs, points, pictures, sinks })
     }
 
@@ -162,7 +165,8 @@ impl<'a> Prepared<'a> {
         let loupe = drawn.and_then(Drawn::loupe);
         let sizes = notes::sizes(self.job, jobs.len() > 1, drawn, &self.setup);
         let own = self.job.notes.iter().cloned();
-        sizes.into_iter().chain(own).chain(loupe.map(|loupe| loupe.note())).collect()
+        let ribbons = notes::ribbons(self.job, &self.outputs);
+        sizes.into_iter().chain(own).chain(ribbons).chain(loupe.map(|loupe| loupe.note())).collect()
     }
 
     /// Knits, draws and writes. `is_last` says that the report will have this job's numbers.

@@ -8,8 +8,10 @@ use super::densities::{Gauge, PICTURED_STITCHES, stitches_on};
 use super::drawn::Drawn;
 use super::estimates::{file_bytes, float, size_text};
 use super::job::Job;
+use super::settings::Wanted;
 use super::setup::Setup;
 use crate::export::Format;
+use crate::render::scene::Shape;
 
 /// Files and pictures of which the size is told although someone chose the cloth, bytes.
 const LARGE: f64 = 1e9;
@@ -84,6 +86,18 @@ fn enlarged(job: &Job<'_>, is_one_of_two: bool, setup: &Setup) -> String {
         count_text(stitches_on(job.shown, job.area)),
         count_text(all),
     )
+}
+
+/// Files that hold tubes although ribbons were chosen, which are for pictures alone.
+pub(super) fn ribbons(job: &Job<'_>, outputs: &[Wanted]) -> Option<String> {
+    if job.settings.picture.shape != Shape::Ribbon {
+        return None;
+    }
+    let tubes = outputs.iter().filter(|(_, format)| format.holds_tubes());
+    let names: Vec<_> = tubes.map(|(path, _)| path.display().to_string()).collect();
+    let hold = if names.len() == 1 { "holds" } else { "hold" };
+    let text = format!("{} {hold} tubes: --shape ribbon is for pictures", names.join(" and "));
+    (!names.is_empty()).then_some(text)
 }
 
 /// Large files and pictures of cloth that someone chose.

@@ -3,6 +3,7 @@
 //! In: a fabric, enlarged or not. Out: the numbers of the real cloth, at the densities of its file
 //! or at the chosen ones, with yarns as thick as their count says.
 
+use super::job::Job;
 use crate::fabric::Fabric;
 use crate::knit::Pattern;
 use crate::knit::clearance::{self, Clearance};
@@ -28,6 +29,21 @@ impl RealCloth {
         let pattern = Pattern::new(&fabric);
         let clearance = clearance::measure(&fabric, &pattern, fabric.radius());
         Self { numbers: numbers::measure(&fabric, &pattern), clearance, fabric }
+    }
+
+    /// Measures the real cloth of a job, whose yarns are drawn with that radius and are so near each
+    /// other.
+    pub(super) fn of_job(job: &Job<'_>, radius: f64, near: Clearance) -> Self {
+        // Cloth that is drawn at its true scale is the real cloth. Its repeat is knitted already,
+        // and relaxing it again would take as long as before.
+        let shown_is_real = job.fabric == job.shown
+            && job.fabric.enlargement == 1.0
+            && radius == job.fabric.radius();
+        if shown_is_real {
+            Self::from_pattern(job.fabric, job.cloth.pattern(), near)
+        } else {
+            Self::new(job.fabric)
+        }
     }
 
     /// Measures a repeat that has been knitted already and whose clearance is known.

@@ -336,7 +336,7 @@ impl Show<'_, '_, '_> {
     fn frame(&mut self, garment: &Garment, number: usize) -> Result<(), RunError> {
         let Self { job, setup, located, files, usd, scene, panels, strain, clock, .. } = self;
         let own = files.of_frame(number);
-        let mut sinks = sinks(&own, job, setup)?;
+        let mut sinks = sinks(&own, job, setup, &garment.panels)?;
         usd.iter_mut().try_for_each(|usd| usd.begin_frame(index32(number + 1)))?;
         if let Some(scene) = scene {
             scene.clear();

@@ -10,7 +10,8 @@ use glam::{DVec2, DVec3};
 use super::stretch::Stretch;
 use crate::drape;
 use crate::drape::strands::Edge;
-use crate::export::{Format, InpDialect, UsdCurves};
+use crate::export::glb::GlbOptions;
+use crate::export::{Axes, Format, InpDialect, UsdCurves};
 use crate::map::Mapping;
 use crate::render::scene::Shape;
 use crate::render::{Background, Camera, RendererChoice, View};
@@ -72,6 +73,10 @@ pub struct Settings {
     pub usd_curves: UsdCurves,
     /// Whose keywords an `.inp` has.
     pub inp: InpDialect,
+    /// Unit and upright axis of `.ply` and `.obj`.
+    pub axes: Axes,
+    /// How a `.glb` holds its meshes.
+    pub glb: GlbOptions,
     /// How pictures are taken.
     pub picture: PictureSettings,
 }
@@ -180,6 +185,8 @@ impl Default for Settings {
             centre_lines: false,
             usd_curves: UsdCurves::default(),
             inp: InpDialect::default(),
+            axes: Axes::default(),
+            glb: GlbOptions::default(),
             picture: PictureSettings::default(),
         }
     }

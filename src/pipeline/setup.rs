@@ -8,10 +8,11 @@ use super::RunError;
 use super::densities::drawn_radius;
 use super::fibres::Fibres;
 use super::job::Job;
+use super::numbers::RealCloth;
 use super::settings::{Settings, Wanted};
 use super::textures::{self, Textures};
 use crate::drape::DrapeOptions;
-use crate::export::{TextureSet, default_section};
+use crate::export::{Facts, Format, TextureSet, default_section};
 use crate::knit::clearance::{self, Clearance};
 use crate::knit::links::{self, Links};
 use crate::knit::run_in;
@@ -25,6 +26,8 @@ pub(super) struct Setup {
     pub(super) textures: Textures,
     /// The textures in the form in which files store them.
     pub(super) textures_in_files: Arc<TextureSet>,
+    /// What a page says of the fabric. Empty without one.
+    pub(super) facts: Facts,
     /// The yarns' fibres. `None` if yarns are drawn and written whole.
     pub(super) fibres: Option<Fibres>,
     /// Options of laying yarns, with surfaces if a file needs them.
@@ -49,7 +52,8 @@ impl Setup {
         let textures = Textures::read(job.settings.picture.texture.as_deref(), job.shown)?;
         let textures_in_files = textures_in_files(wanted, job, section.radius, &textures);
         let fibres = Fibres::new(job, wanted, &section)?;
-        Ok(Self { section, textures, textures_in_files, fibres, options, near, links })
+        let facts = facts(wanted, job, section.radius, near);
+        Ok(Self { section, textures, textures_in_files, facts, fibres, options, near, links })
     }
 
     /// Warnings about the garment and about how the fabric is drawn, before any yarn is laid.
@@ -94,6 +98,15 @@ fn textures_in_files(
     }
     let scene = textures::scene(Shape::Tube, job.shown, radius, textures);
     Arc::new(TextureSet::from_scene(&scene))
+}
+
+/// What a page says of the fabric. Its numbers take a while, so without a page there are none.
+fn facts(wanted: &[Wanted], job: &Job<'_>, radius: f64, near: Clearance) -> Facts {
+    if !wanted.iter().any(|(_, format)| *format == Format::Html) {
+        return Facts::default();
+    }
+    let RealCloth { fabric, numbers, .. } = RealCloth::of_job(job, radius, near);
+    Facts::new(&fabric, &numbers, fabric.wales_per_cm / job.shown.wales_per_cm)
 }
 
 /// The section of tubes in files: the chosen values, or else the defaults.

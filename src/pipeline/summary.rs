@@ -77,16 +77,7 @@ impl RunSummary<'_> {
         if !job.is_swatch && reports.peek().is_none() {
             return Ok((Vec::new(), None));
         }
-        // Cloth that is drawn at its true scale is the real cloth. Its repeat is knitted already,
-        // and relaxing it again would take as long as before.
-        let shown_is_real = job.fabric == job.shown
-            && job.fabric.enlargement == 1.0
-            && section.radius == job.fabric.radius();
-        let real = if shown_is_real {
-            RealCloth::from_pattern(job.fabric, job.cloth.pattern(), *near)
-        } else {
-            RealCloth::new(job.fabric)
-        };
+        let real = RealCloth::of_job(job, section.radius, *near);
         let text = self.report(job, &real, clock).to_json();
         let files = reports
             .map(|path| Output::create_whole(path, text.as_bytes()))

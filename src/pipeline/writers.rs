@@ -14,6 +14,7 @@ use super::setup::Setup;
 use super::targets::check_distinct;
 use super::textures::Textures;
 use crate::export::{ClothInfo, Expected, ExportError, FileWriter, Format, Output, bcc, mtl};
+use crate::garment::Panel;
 
 /// The chosen files, or one picture that is named after the input.
 pub(super) fn wanted(settings: &Settings, source: &Source) -> Vec<Wanted> {
@@ -55,9 +56,10 @@ pub(super) fn check_places<'a>(
     )
 }
 
-/// The facts about the cloth that writers need: its yarns, or their fibres if they were chosen.
-pub(super) fn cloth_info<'a>(job: &Job<'a>, setup: &Setup) -> ClothInfo<'a> {
-    let (cloth, panels) = (job.filed(), &job.cloth.garment().panels);
+/// The facts about the cloth that writers need: its yarns, or their fibres if they were chosen. The
+/// panels are those of the frame that is made.
+fn cloth_info<'a>(job: &Job<'_>, setup: &Setup, panels: &'a [Panel]) -> ClothInfo<'a> {
+    let cloth = job.filed();
     let info = match &setup.fibres {
         Some(Fibres { bundles, filed: Some(section), .. }) => {
             ClothInfo::from_bundles(job.shown, bundles.clone(), *section)
@@ -69,17 +71,27 @@ pub(super) fn cloth_info<'a>(job: &Job<'a>, setup: &Setup) -> ClothInfo<'a> {
     };
     // Some formats begin with their number of blocks and yarns, before any yarn is laid.
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
-    let Settings { usd_curves, inp, .. } = *job.settings;
-    ClothInfo { expected: Some(expected), usd_curves, inp, ..info.on_panels(panels) }
+    let facts = setup.facts.clone();
+    let Settings { axes, glb, inp, usd_curves, .. } = *job.settings;
+    ClothInfo {
+        expected: Some(expected),
+        axes,
+        facts,
+        glb,
+        inp,
+        usd_curves,
+        ..info.on_panels(panels)
+    }
 }
 
-/// The writers of all files that are written block by block.
+/// The writers of all files that are written block by block, of yarns on these panels.
 pub(super) fn sinks<'a>(
     outputs: &[Wanted],
-    job: &Job<'a>,
+    job: &Job<'_>,
     setup: &Setup,
+    panels: &'a [Panel],
 ) -> Result<Vec<FileWriter<'a>>, ExportError> {
-    let cloth = cloth_info(job, setup);
+    let cloth = cloth_info(job, setup, panels);
     let mut sinks = Vec::new();
     for (path, format) in outputs {
         match format {

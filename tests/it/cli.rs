@@ -296,8 +296,8 @@ fn a_printed_fabric_is_taken_back() {
 }
 
 /// Of every file but the report, which has times in it.
-const ENDINGS: [&str; 10] =
-    ["png", "glb", "csv", "obj", "ply", "usda", "bcc", "curves.txt", "inp", "npz"];
+const ENDINGS: [&str; 11] =
+    ["png", "glb", "csv", "obj", "ply", "html", "usda", "bcc", "curves.txt", "inp", "npz"];
 
 #[test]
 fn every_output_is_the_same_on_one_and_on_two_threads() {

@@ -29,7 +29,7 @@ fn knit(folder: &Path, name: &str, at: DVec3, camera: &[String]) {
     command.current_dir(folder).env("XDG_CACHE_HOME", crate::cache_home());
     command.arg("drape").arg(format!("{name}.obj"));
     command.args(
-        "--unit mm --wales-per-cm 2 --courses-per-cm 3 --renderer cpu --size 160x160".split(' '),
+        "--unit mm --wales-per-cm 2 --courses-per-cm 3 --renderer cpu --size 160x160 --glb-precision f32 --nodes yarn".split(' '),
     );
     for ending in ["png", "glb", "csv"] {
         command.args(["-o", &format!("{name}.{ending}")]);

@@ -21,6 +21,9 @@ fn knit(folder: &Path, arguments: &[&str]) -> Value {
     serde_json::from_slice(&std::fs::read(folder.join("report.json")).unwrap()).unwrap()
 }
 
+/// A `.glb` of floats with a node a yarn.
+const FLOATS: [&str; 4] = ["--glb-precision", "f32", "--nodes", "yarn"];
+
 const SWATCH: [&str; 9] = ["swatch", "--wales", "5", "--courses", "7", "--st", "4", "--sr", "5"];
 
 fn count(report: &Value, key: &str) -> usize {
@@ -30,7 +33,7 @@ fn count(report: &Value, key: &str) -> usize {
 #[test]
 fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
     let folder = tempfile::tempdir().unwrap();
-    let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.glb"]].concat());
+    let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.glb"], &FLOATS].concat());
     let bytes = std::fs::read(folder.path().join("s.glb")).unwrap();
     let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
     assert_eq!((&bytes[..4], word(4), word(8)), (&b"glTF"[..], 2, bytes.len()));
@@ -106,13 +109,118 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
     }
 }
 
+/// The corners of a quantised `.glb`'s triangles in turn, mm, with their normals and the length of
+/// the cubes they lie on.
+fn quantised_corners(path: &Path) -> Vec<([f32; 3], [f32; 3], f32)> {
+    let bytes = std::fs::read(path).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let json: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    assert_eq!(json["extensionsRequired"], serde_json::json!(["KHR_mesh_quantization"]));
+    let number = |value: &Value| value.as_u64().unwrap() as usize;
+    let array = |index: &Value| {
+        let accessor = &json["accessors"][number(index)];
+        let view = &json["bufferViews"][number(&accessor["bufferView"])];
+        &bytes[28 + length + number(&view["byteOffset"]) + number(&accessor["byteOffset"])..]
+    };
+    let mut corners = Vec::new();
+    for node in json["nodes"].as_array().unwrap() {
+        let float = |value: &Value| value.as_f64().unwrap() as f32;
+        let step = float(&node["scale"][0]);
+        for primitive in json["meshes"][number(&node["mesh"])]["primitives"].as_array().unwrap() {
+            let (positions, normals) = (
+                array(&primitive["attributes"]["POSITION"]),
+                array(&primitive["attributes"]["NORMAL"]),
+            );
+            assert!(primitive["attributes"].get("TEXCOORD_0").is_none());
+            let count = number(&json["accessors"][number(&primitive["indices"])]["count"]);
+            let indices = array(&primitive["indices"])[..2 * count].as_chunks::<2>().0;
+            for vertex in indices.iter().map(|index| usize::from(u16::from_le_bytes(*index))) {
+                let place = |axis: usize| {
+                    let at = 8 * vertex + 2 * axis;
+                    let place = u16::from_le_bytes(positions[at..at + 2].try_into().unwrap());
+                    1000.0 * (float(&node["translation"][axis]) + step * f32::from(place))
+                };
+                let normal =
+                    |axis: usize| f32::from(normals[4 * vertex + axis].cast_signed()) / 127.0;
+                let corner = (std::array::from_fn(place), std::array::from_fn(normal));
+                corners.push((corner.0, corner.1, 1000.0 * step));
+            }
+        }
+    }
+    corners
+}
+
+/// On a swatch and on a garment, triangle by triangle, within half a cube.
+#[test]
+fn quantised_glb_holds_the_triangles_of_the_floats() {
+    let (flat, draped) =
+        (crate::drape::mesh("pinch_flat.obj"), crate::drape::mesh("pinch_draped.obj"));
+    let drape = ["drape", flat.to_str().unwrap(), draped.to_str().unwrap()];
+    let coarse = ["--wales-per-cm", "1", "--st", "4", "--sr", "5"];
+    for knitting in [&SWATCH[..], &[&drape[..], &coarse].concat()] {
+        let folder = tempfile::tempdir().unwrap();
+        knit(folder.path(), &[knitting, &["-o", "s.glb"]].concat());
+        knit(folder.path(), &[knitting, &["-o", "f.glb"], &FLOATS].concat());
+        let corners = quantised_corners(&folder.path().join("s.glb"));
+        let floats = readback::glb(&folder.path().join("f.glb"));
+        assert_eq!(corners.len(), 3 * floats.triangles.len());
+        for ((place, normal, cube), vertex) in corners.iter().zip(floats.triangles.as_flattened()) {
+            let (position, own) =
+                (floats.positions[*vertex as usize], floats.normals[*vertex as usize]);
+            for axis in 0..3 {
+                let off = (place[axis] - 1000.0 * position[axis]).abs();
+                assert!(off <= 0.5 * cube + 2e-4, "{off} mm off, cubes of {cube} mm");
+                assert!((normal[axis] - own[axis]).abs() < 0.005);
+            }
+        }
+        let size = |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().len();
+        assert!(3 * size("s.glb") < 2 * size("f.glb"), "{} of {}", size("s.glb"), size("f.glb"));
+    }
+}
+
+/// Blender takes a `.ply` in metres with z up.
+#[test]
+fn ply_and_obj_take_the_unit_and_the_upright_axis_of_their_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = ["-o", "a.ply", "-o", "a.obj"];
+    knit(folder.path(), &[&SWATCH[..], &files].concat());
+    let turned = ["-o", "b.ply", "-o", "b.obj", "--file-unit", "m", "--up", "z"];
+    knit(folder.path(), &[&SWATCH[..], &turned].concat());
+    let read = |name: &str| readback::ply(&folder.path().join(name));
+    let (a, b) = (read("a.ply"), read("b.ply"));
+    for (a, b) in a.positions.iter().zip(&b.positions) {
+        for (turned, own) in b.iter().zip([a[0], -a[2], a[1]]) {
+            assert!((1000.0 * turned - own).abs() < 1e-5);
+        }
+    }
+    let header = std::fs::read(folder.path().join("b.ply")).unwrap();
+    assert!(String::from_utf8_lossy(&header[..200]).contains("comment yarns by warpknit, m "));
+    let first = |name: &str| {
+        let text = std::fs::read_to_string(folder.path().join(name)).unwrap();
+        let line = text.lines().find(|line| line.starts_with("v ")).unwrap().to_owned();
+        line.split(' ').skip(1).map(|word| word.parse::<f32>().unwrap()).collect::<Vec<_>>()
+    };
+    let (a, b) = (first("a.obj"), first("b.obj"));
+    assert!((b[0] - a[0] / 1000.0).abs() < 2e-7 && (b[2] - a[1] / 1000.0).abs() < 2e-7);
+}
+
+/// Ribbons are for pictures, and a file of tubes says so.
+#[test]
+fn a_file_of_tubes_says_that_it_holds_no_ribbons() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.current_dir(folder.path()).args(SWATCH).args(["--shape", "ribbon", "-o", "x.glb"]);
+    let said = String::from_utf8(command.assert().success().get_output().stderr.clone()).unwrap();
+    assert!(said.contains("note: x.glb holds tubes: --shape ribbon is for pictures\n"), "{said}");
+}
+
 #[test]
 fn glb_counts_the_vertices_of_long_yarns() {
     let folder = tempfile::tempdir().unwrap();
     // A yarn of 700 stitches with 8 rings of 13 vertices each has more than 16 bits count.
     let long = ["swatch", "--fabric", "tricot", "--wales", "2", "--courses", "700"];
     let surface = ["--st", "8", "--sr", "12", "-o", "s.glb", "-o", "s.ply"];
-    knit(folder.path(), &[&long[..], &surface].concat());
+    knit(folder.path(), &[&long[..], &surface, &FLOATS].concat());
     let glb = readback::glb(&folder.path().join("s.glb"));
     let ply = readback::ply(&folder.path().join("s.ply"));
     assert!(glb.positions.len() > 2 * usize::from(u16::MAX));
@@ -161,8 +269,12 @@ fn glb_and_obj_wear_the_pictures_of_their_yarn() {
     picture.save(folder.path().join("yarn.png")).unwrap();
     knit(
         folder.path(),
-        &[&SWATCH[..], &["--texture", "yarn.png", "-o", "s.glb", "-o", "s.obj", "-o", "plain.ply"]]
-            .concat(),
+        &[
+            &SWATCH[..],
+            &["--texture", "yarn.png", "-o", "s.glb", "-o", "s.obj", "-o", "plain.ply"],
+            &FLOATS,
+        ]
+        .concat(),
     );
     let bytes = std::fs::read(folder.path().join("s.glb")).unwrap();
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
@@ -274,7 +386,7 @@ fn ply_holds_what_the_obj_of_the_same_run_holds_and_the_colours() {
     for caps in [&[][..], &["--caps"]] {
         let report = knit(
             folder.path(),
-            &[&SWATCH[..], &["-o", "s.ply", "-o", "s.obj", "-o", "s.glb"], caps].concat(),
+            &[&SWATCH[..], &["-o", "s.ply", "-o", "s.obj", "-o", "s.glb"], caps, &FLOATS].concat(),
         );
         let ply = readback::ply(&folder.path().join("s.ply"));
         let counts = (ply.positions.len(), ply.triangles.len());
@@ -293,7 +405,8 @@ fn ply_holds_what_the_obj_of_the_same_run_holds_and_the_colours() {
         assert!(near(ply.positions.as_flattened(), obj.positions.as_flattened(), 0.6e-4));
         assert!(near(ply.normals.as_flattened(), obj.normals.as_flattened(), 0.6e-4));
         assert!(near(ply.uvs.as_flattened(), obj.uvs.as_flattened(), 0.6e-4));
-        assert_eq!((&ply.normals, &ply.uvs), (&glb.normals, &glb.uvs));
+        assert_eq!(ply.normals, glb.normals);
+        assert!(glb.uvs.is_empty(), "yarns without a picture need none");
         for (ply, (obj, glb)) in
             ply.bounds(1.0).iter().zip(obj.bounds(1.0).iter().zip(&glb.bounds(1e3)))
         {

@@ -80,6 +80,21 @@ fn known_squares_have_their_numbers() {
 }
 
 #[test]
+fn scripts_read_the_same_facts() {
+    let folder = tempfile::tempdir().unwrap();
+    squares(folder.path());
+    let name = std::fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap().file_name();
+    let arguments = [&[name.to_str().unwrap(), "-o", "facts.json"], &SCALE[..]].concat();
+    run(folder.path(), &arguments, 0);
+    let text = std::fs::read(folder.path().join("facts.json")).unwrap();
+    let facts: serde_json::Value = serde_json::from_slice(&text).unwrap();
+    assert_eq!((&facts["unit"], facts["panels"].as_array().unwrap().len()), (&"mm".into(), 3));
+    assert_eq!(facts["panels"][0]["width_mm"], 100.0);
+    let (_, message, _) = run(folder.path(), &["--fabric", "locknit", "-o", "l.json"], 1);
+    assert!(message.contains("name .svg or .png"), "{message}");
+}
+
+#[test]
 fn a_file_that_does_not_pair_says_why_and_hides_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let [flat, draped, other] = ["pinch_flat.obj", "pinch_draped.obj", "tube_draped.obj"]

@@ -42,6 +42,7 @@ mod map;
 #[cfg(target_os = "linux")]
 mod memory;
 mod nets;
+mod page;
 mod photo;
 mod readback;
 mod relax;

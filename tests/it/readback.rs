@@ -159,13 +159,13 @@ pub(crate) fn glb(path: &Path) -> Mesh {
     {
         let (mut positions, count) = array(&primitive["attributes"]["POSITION"]);
         let (mut normals, _) = array(&primitive["attributes"]["NORMAL"]);
-        let (mut uvs, _) = array(&primitive["attributes"]["TEXCOORD_0"]);
+        let mut uvs = primitive["attributes"].get("TEXCOORD_0").map(|uvs| array(uvs).0);
         let (mut indices, corners) = array(&primitive["indices"]);
         let next = if is_short(&primitive["indices"]) { Bytes::short_index } else { Bytes::index };
         mesh.append(Mesh {
             positions: (0..count).map(|_| positions.floats()).collect(),
             normals: (0..count).map(|_| normals.floats()).collect(),
-            uvs: (0..count).map(|_| uvs.floats()).collect(),
+            uvs: uvs.iter_mut().flat_map(|uvs| (0..count).map(|_| uvs.floats())).collect(),
             colors: Vec::new(),
             triangles: (0..corners / 3)
                 .map(|_| std::array::from_fn(|_| next(&mut indices)))

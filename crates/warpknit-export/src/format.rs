@@ -17,6 +17,8 @@ pub enum Format {
     ObjLines,
     /// Binary PLY: tubes.
     Ply,
+    /// A web page: centre lines, of which it makes tubes.
+    Html,
     /// USD text: curves.
     Usda,
     /// USD crate: the same in binary form.
@@ -36,11 +38,12 @@ pub enum Format {
 }
 
 /// What endings ask for.
-const ENDINGS: [(&str, Format); 12] = [
+const ENDINGS: [(&str, Format); 13] = [
     (".png", Format::Png),
     (".glb", Format::Glb),
     (".obj", Format::Obj),
     (".ply", Format::Ply),
+    (".html", Format::Html),
     (".usda", Format::Usda),
     (".usdc", Format::Usdc),
     (".bcc", Format::Bcc),

@@ -1,24 +1,25 @@
 //! Tubes as binary glTF (Khronos Group, "glTF 2.0 Specification", chapter 4, "GLB File Format"): a
-//! node for each bar of each panel, below it a node with a mesh for each yarn, a material a bar;
-//! metres.
+//! node with a mesh for each bar of each panel, or below it a node with a mesh for each yarn; a
+//! material a bar; metres.
 //!
 //! Materials are those of fibres: rough, no metal, and with a sheen (`KHR_materials_sheen`), which
-//! brightens cloth where it turns away from the eye. Textures lie in the file. The second texture
-//! coordinate counts repeats of the texture, and millimetres of yarn where a bar has none.
+//! brightens cloth where it turns away from the eye. Textures lie in the file. Only bars with a
+//! texture have texture coordinates; the second one counts repeats of it.
 //!
 //! The JSON chunk comes first in the file but is known last (counts and bounds). So it gets room
-//! for the expected blocks and yarns, and spaces fill what it doesn't take. Positions, normals and
-//! texture coordinates are `f32`; indices are `u16` where no yarn of the block has more vertices
-//! than these count, else `u32`. A block's arrays lie together: all of its
-//! positions are one buffer view, and each of its yarns is an accessor to a range of it, with
-//! indices counted from its own first vertex.
+//! for the expected blocks and yarns, and spaces fill what it doesn't take. Positions are `u16` on a
+//! grid ([`super::glb_grid`]) or `f32`, normals `i8` or `f32` (`KHR_mesh_quantization`), and texture
+//! coordinates `f32`; indices are `u16` where no mesh part of the block has more vertices than these
+//! count, else `u32`. A block's arrays lie together: all of its positions are one buffer view, and
+//! the block, or each of its yarns, is an accessor to a range of it, with indices counted from its
+//! own first vertex.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use gltf_json as json;
 use json::accessor::{ComponentType, GenericComponentType, Type};
 use json::buffer::{Stride, Target as ViewTarget};
@@ -28,6 +29,7 @@ use json::validation::USize64;
 use json::{Accessor, Index, Root};
 use rayon::prelude::*;
 
+use super::glb_grid::{Grid, QUANTIZATION, quantised_normal};
 use super::glb_material::root_of;
 use super::patched_header::PatchedHeader;
 use super::texture::TextureSet;
@@ -42,12 +44,42 @@ const HEADERS: usize = BARE_HEADERS + 8;
 const BARE_HEADERS: usize = 12 + 8;
 /// Room for a block's entries in the JSON: four views, and a node if need be. They take about 500
 /// bytes, and with all numbers at their longest less than this.
-const BLOCK_JSON: usize = 770;
+const BLOCK_JSON: usize = 900;
 /// Room for a yarn's entries: four accessors, a mesh, a node. They take about 900 bytes, and with
 /// all numbers at their longest less than this.
 const YARN_JSON: usize = 1100;
 /// Room for the end of the JSON.
 const LAST_JSON: usize = 200;
+
+/// How a `.glb` holds its meshes. The default is 16 bits and a node a bar.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GlbOptions {
+    /// How its numbers are stored.
+    pub precision: Precision,
+    /// What has a node of its own.
+    pub nodes: Nodes,
+}
+
+/// How the numbers of a mesh are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// 16 bits a coordinate and 8 a normal's, by `KHR_mesh_quantization`. Where 16 bits would be too
+    /// coarse for the yarn, coordinates are floats.
+    #[default]
+    Quantised,
+    /// Floats of 32 bits, for readers without the extension.
+    F32,
+}
+
+/// What has a node of its own in a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Nodes {
+    /// Each bar of each panel.
+    #[default]
+    Bar,
+    /// Each yarn, below the node of its bar.
+    Yarn,
+}
 
 /// Writes tubes as glTF.
 #[derive(Debug)]
@@ -60,8 +92,13 @@ pub struct GlbWriter<W> {
     bars: Vec<Index<json::Node>>,
     buffer: Index<json::Buffer>,
     textures: Arc<TextureSet>,
-    /// Panel and bar of the last yarn, and their node.
-    current: Option<((usize, usize), Index<json::Node>)>,
+    options: GlbOptions,
+    /// Lowest and highest corner of each draped panel, m.
+    panels: Vec<[Vec3; 2]>,
+    /// Radius of the thinnest yarn, m.
+    radius: f32,
+    /// The node of the last yarn's bar.
+    current: Option<BarNode>,
     /// The arrays of the blocks at hand as the file holds them.
     prepared: Vec<PreparedBlock>,
 }
@@ -71,18 +108,33 @@ pub struct GlbWriter<W> {
 struct PreparedBlock {
     /// m.
     positions: Vec<Vec3>,
+    /// Unit normals.
+    normals: Vec<Vec3>,
     /// Counted in repeats of the bar's texture; empty where it has none.
     uvs: Vec<Vec2>,
-    /// Counted from the first vertex of each yarn.
+    /// The number of each of the tubes' vertices among the positions.
+    numbers: Vec<u32>,
+    /// Counted from the first vertex of each part.
     triangles: Vec<[u32; 3]>,
     /// The same where they fit; then `triangles` is empty.
     short_triangles: Vec<[u16; 3]>,
-    yarns: Vec<YarnRange>,
+    parts: Vec<PartRange>,
 }
 
-/// A yarn's range of a block's arrays.
+/// The node of a panel's bar.
+#[derive(Clone, Copy, Debug)]
+struct BarNode {
+    panel: usize,
+    bar: usize,
+    node: Index<json::Node>,
+    /// Its grid. `None` where coordinates are floats.
+    grid: Option<Grid>,
+}
+
+/// The range of a mesh part in a block's arrays: that of a yarn, or the whole block.
 #[derive(Debug)]
-struct YarnRange {
+struct PartRange {
+    /// The first yarn of it.
     yarn: YarnId,
     vertices: Range<usize>,
     triangles: Range<usize>,
@@ -111,8 +163,19 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
     /// [`ExportError::Io`].
     pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let textures = Arc::clone(&cloth.textures);
-        let (root, buffer) = root_of(cloth);
-        let room = cloth.expected.map(|expected| room_for(&root, expected));
+        let (mut root, buffer) = root_of(cloth);
+        let options = cloth.glb;
+        if options.precision == Precision::Quantised {
+            root.extensions_used.push(QUANTIZATION.to_owned());
+            root.extensions_required.push(QUANTIZATION.to_owned());
+        }
+        let room = cloth.expected.map(|expected| room_for(&root, expected, options.nodes));
+        let panels = cloth.panels.iter().map(|panel| {
+            let draped: Vec<_> =
+                panel.draped.iter().map(|place| (*place / 1000.0).as_vec3()).collect();
+            bounds(&draped)
+        });
+        let radii = cloth.strands.iter().map(|style| style.radius_f32() * METRES_PER_MM);
         let mut writer = Self {
             file: PatchedHeader::create(target, room)?,
             bytes: 0,
@@ -120,6 +183,9 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             bars: Vec::new(),
             buffer,
             textures,
+            options,
+            panels: panels.collect(),
+            radius: radii.fold(f32::INFINITY, f32::min),
             current: None,
             prepared: Vec::new(),
         };
@@ -139,14 +205,29 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         Ok(())
     }
 
-    /// Adds one block's tubes, a mesh a yarn.
+    /// Adds one block's tubes.
     fn add(&mut self, block: &Block, prepared: &PreparedBlock) -> Result<(), ExportError> {
-        let uvs = if prepared.uvs.is_empty() { &block.tubes.uvs } else { &prepared.uvs };
-        let vertices = [
-            (Semantic::Positions, self.array(&prepared.positions, Type::Vec3, ComponentType::F32)?),
-            (Semantic::Normals, self.array(&block.tubes.normals, Type::Vec3, ComponentType::F32)?),
-            (Semantic::TexCoords(0), self.array(uvs, Type::Vec2, ComponentType::F32)?),
-        ];
+        let parent = self.bar_of(block, &prepared.positions);
+        let positions = match &parent.grid {
+            Some(grid) => {
+                let places: Vec<[u16; 4]> =
+                    prepared.positions.iter().map(|place| grid.place(*place)).collect();
+                self.array(&places, Type::Vec3, ComponentType::U16)?
+            }
+            None => self.array(&prepared.positions, Type::Vec3, ComponentType::F32)?,
+        };
+        let normals = if self.options.precision == Precision::Quantised {
+            let normals: Vec<[i8; 4]> =
+                prepared.normals.iter().map(|normal| quantised_normal(*normal)).collect();
+            self.array(&normals, Type::Vec3, ComponentType::I8)?
+        } else {
+            self.array(&prepared.normals, Type::Vec3, ComponentType::F32)?
+        };
+        let mut vertices = vec![(Semantic::Positions, positions), (Semantic::Normals, normals)];
+        if !prepared.uvs.is_empty() {
+            let uvs = self.array(&prepared.uvs, Type::Vec2, ComponentType::F32)?;
+            vertices.push((Semantic::TexCoords(0), uvs));
+        }
         // Indices are a view of their own: the format wants them apart from vertices.
         let corners = if prepared.triangles.is_empty() {
             let corners = prepared.short_triangles.as_flattened();
@@ -154,18 +235,22 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         } else {
             self.array(prepared.triangles.as_flattened(), Type::Scalar, ComponentType::U32)?
         };
-        for yarn in &prepared.yarns {
+        for part in &prepared.parts {
             let mut attributes = BTreeMap::new();
             for (semantic, view) in &vertices {
                 // The format demands bounds of positions, and of nothing else.
-                let bounds = (*semantic == Semantic::Positions).then_some([yarn.low, yarn.high]);
+                let is_position = *semantic == Semantic::Positions;
+                let bounds = is_position.then(|| match &parent.grid {
+                    Some(grid) => [part.low, part.high].map(|corner| grid.corner(corner)),
+                    None => [part.low, part.high],
+                });
                 attributes.insert(
                     Valid(semantic.clone()),
-                    self.range_of(*view, yarn.vertices.clone(), bounds),
+                    self.range_of(*view, part.vertices.clone(), bounds),
                 );
             }
             let indices =
-                self.range_of(corners, 3 * yarn.triangles.start..3 * yarn.triangles.end, None);
+                self.range_of(corners, 3 * part.triangles.start..3 * part.triangles.end, None);
             let primitive = json::mesh::Primitive {
                 attributes,
                 indices: Some(indices),
@@ -175,39 +260,64 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
                 extensions: None,
                 extras: json::Extras::default(),
             };
-            self.add_yarn(block, yarn.yarn, primitive);
+            match self.options.nodes {
+                Nodes::Bar => self.add_to_bar(parent.node, primitive),
+                Nodes::Yarn => self.add_yarn(parent.node, part.yarn, primitive),
+            }
         }
         Ok(())
     }
 
-    /// Adds a yarn's mesh, and its node below that of its panel's bar.
-    fn add_yarn(&mut self, block: &Block, yarn: YarnId, primitive: json::mesh::Primitive) {
-        let name = Some(format!("yarn {}", yarn.0));
-        let mesh = self.root.push(json::Mesh {
-            name: name.clone(),
-            primitives: vec![primitive],
-            weights: None,
-            extensions: None,
-            extras: json::Extras::default(),
-        });
-        let node = self.root.push(json::Node { name, mesh: Some(mesh), ..json::Node::default() });
-        let parent = self.node_of(block);
-        self.root.nodes[parent.value()].children.get_or_insert_default().push(node);
+    /// Adds a part to the mesh of a bar's node.
+    fn add_to_bar(&mut self, bar: Index<json::Node>, primitive: json::mesh::Primitive) {
+        let name = self.root.nodes[bar.value()].name.clone();
+        let mesh = match self.root.nodes[bar.value()].mesh {
+            Some(mesh) => mesh,
+            None => self.root.push(mesh_of(name)),
+        };
+        self.root.nodes[bar.value()].mesh = Some(mesh);
+        self.root.meshes[mesh.value()].primitives.push(primitive);
     }
 
-    /// The node of the block's panel and bar, new when one of them is.
-    fn node_of(&mut self, block: &Block) -> Index<json::Node> {
-        let at = (block.panel, block.bar);
-        if let Some((_, node)) = self.current.filter(|(current, _)| *current == at) {
+    /// Adds a yarn's mesh, and its node below that of its bar.
+    fn add_yarn(&mut self, bar: Index<json::Node>, yarn: YarnId, primitive: json::mesh::Primitive) {
+        let name = Some(format!("yarn {}", yarn.0));
+        let mut mesh = mesh_of(name.clone());
+        mesh.primitives.push(primitive);
+        let mesh = self.root.push(mesh);
+        let node = self.root.push(json::Node { name, mesh: Some(mesh), ..json::Node::default() });
+        self.root.nodes[bar.value()].children.get_or_insert_default().push(node);
+    }
+
+    /// The node of the block's panel and bar: a new one where one of them is new, or where the last
+    /// node's grid doesn't hold the positions.
+    fn bar_of(&mut self, block: &Block, positions: &[Vec3]) -> BarNode {
+        let (panel, bar) = (block.panel, block.bar);
+        let own = bounds(positions);
+        let is_own = |node: &BarNode| {
+            (node.panel, node.bar) == (panel, bar)
+                && node.grid.as_ref().is_none_or(|grid| grid.holds(own))
+        };
+        if let Some(node) = self.current.filter(is_own) {
             return node;
         }
-        let name = Some(format!("panel {} bar {}", block.panel, block.bar + 1));
+        let grid = match self.options.precision {
+            Precision::Quantised => Grid::around(self.panels.get(panel), own, self.radius),
+            Precision::F32 => None,
+        };
+        let name = Some(format!("panel {panel} bar {}", bar + 1));
         // Far from the origin positions count from a place near the garment, where they are exact.
-        let place =
-            (block.origin != DVec3::ZERO).then(|| (block.origin / 1000.0).as_vec3().to_array());
-        let node = self.root.push(json::Node { name, translation: place, ..json::Node::default() });
+        let origin = (block.origin / 1000.0).as_vec3();
+        let place = origin + grid.map_or(Vec3::ZERO, |grid| grid.low);
+        let node = self.root.push(json::Node {
+            name,
+            translation: (place != Vec3::ZERO).then(|| place.to_array()),
+            scale: grid.map(|grid| [grid.step; 3]),
+            ..json::Node::default()
+        });
         self.bars.push(node);
-        self.current = Some((at, node));
+        let node = BarNode { panel, bar, node, grid };
+        self.current = Some(node);
         node
     }
 
@@ -227,7 +337,8 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             min: bounds.map(|[low, _]| json::Value::from(low.to_array().to_vec())),
             max: bounds.map(|[_, high]| json::Value::from(high.to_array().to_vec())),
             name: None,
-            normalized: false,
+            // Normals in whole numbers stand for -1 to 1.
+            normalized: view.component == ComponentType::I8,
             sparse: None,
             extensions: None,
             extras: json::Extras::default(),
@@ -296,11 +407,11 @@ impl<W: Write + Seek + Send> Sink<W> for GlbWriter<W> {
         // next blocks.
         let mut prepared = std::mem::take(&mut self.prepared);
         prepared.resize_with(blocks.len().max(prepared.len()), PreparedBlock::default);
-        let textures = &self.textures;
+        let (textures, options) = (&self.textures, self.options);
         blocks
             .par_iter()
             .zip(&mut prepared)
-            .for_each(|(block, prepared)| prepared.fill(block, textures));
+            .for_each(|(block, prepared)| prepared.fill(block, textures, options));
         for (block, prepared) in blocks.iter().zip(&prepared) {
             if !prepared.positions.is_empty() {
                 self.add(block, prepared)?;
@@ -345,43 +456,76 @@ impl<W: Write + Seek> GlbWriter<W> {
 
 impl PreparedBlock {
     /// Takes the arrays of a block.
-    fn fill(&mut self, block: &Block, textures: &TextureSet) {
+    fn fill(&mut self, block: &Block, textures: &TextureSet, options: GlbOptions) {
         let tubes = &block.tubes;
-        self.positions.clear();
-        self.positions.extend(tubes.positions.iter().map(|position| *position * METRES_PER_MM));
         self.uvs.clear();
-        if textures.texture_of(block.bar).is_some() {
+        let is_textured = textures.texture_of(block.bar).is_some();
+        if is_textured {
             let repeats = Vec2::new(1.0, textures.repeats_per_mm(block.bar));
             self.uvs.extend(tubes.uvs.iter().map(|uv| *uv * repeats));
         }
-        self.yarns.clear();
+        // Without texture coordinates the vertices along a tube's seam are pairs of equals.
+        let joins = options.precision == Precision::Quantised && !is_textured;
         let strands: Vec<_> = block.strands.strands.iter().zip(&tubes.strands).collect();
-        // A yarn is one mesh: its strands follow each other, and so do their vertices and
-        // triangles.
-        for strands in strands.chunk_by(|(a, _), (b, _)| a.yarn == b.yarn) {
+        let is_one = |a: YarnId, b: YarnId| options.nodes == Nodes::Bar || a == b;
+        self.clear();
+        // A yarn's strands follow each other, and so do their vertices and triangles.
+        for strands in strands.chunk_by(|(a, _), (b, _)| is_one(a.yarn, b.yarn)) {
             let ((strand, (first, first_triangles)), (_, (last, last_triangles))) =
                 (strands[0], strands[strands.len() - 1]);
-            let (vertices, triangles) = (
-                first.start as usize..last.end as usize,
-                first_triangles.start as usize..last_triangles.end as usize,
-            );
+            let triangles = first_triangles.start as usize..last_triangles.end as usize;
+            let start = self.positions.len();
+            self.add_vertices(block, first.start..last.end, joins);
+            let vertices = start..self.positions.len();
             let [low, high] = bounds(&self.positions[vertices.clone()]);
-            self.yarns.push(YarnRange { yarn: strand.yarn, vertices, triangles, low, high });
+            self.parts.push(PartRange { yarn: strand.yarn, vertices, triangles, low, high });
         }
         self.fill_triangles(&tubes.triangles);
     }
 
-    /// Counts the corners of a block's triangles from the first vertex of each yarn.
+    /// Forgets everything but keeps the memory.
+    fn clear(&mut self) {
+        self.positions.clear();
+        self.normals.clear();
+        self.numbers.clear();
+        self.parts.clear();
+    }
+
+    /// Takes some vertices, and joins equal ones of a ring if that is wanted.
+    fn add_vertices(&mut self, block: &Block, vertices: Range<u32>, joins: bool) {
+        let tubes = &block.tubes;
+        // The first vertex of a ring whose seam is open: it is one where the last one comes.
+        let mut ring: Option<(Vec3, Vec3, u32)> = None;
+        for vertex in vertices.start as usize..vertices.end as usize {
+            let (position, normal) = (tubes.positions[vertex], tubes.normals[vertex]);
+            if joins
+                && let Some((first, first_normal, number)) = ring
+                && (first, first_normal) == (position, normal)
+            {
+                self.numbers.push(number);
+                ring = None;
+                continue;
+            }
+            let number = index32(self.positions.len());
+            ring = ring.or(Some((position, normal, number)));
+            self.numbers.push(number);
+            self.positions.push(position * METRES_PER_MM);
+            self.normals.push(normal);
+        }
+    }
+
+    /// Counts the corners of a block's triangles from the first vertex of each part.
     fn fill_triangles(&mut self, triangles: &[[u32; 3]]) {
         self.triangles.clear();
         self.short_triangles.clear();
         // The greatest number of 16 bits ends a strip in some readers, so it is no vertex.
-        let is_short = self.yarns.iter().all(|yarn| yarn.vertices.len() <= usize::from(u16::MAX));
-        for yarn in &self.yarns {
-            let first = index32(yarn.vertices.start);
-            let own = triangles[yarn.triangles.clone()]
+        let is_short = self.parts.iter().all(|part| part.vertices.len() <= usize::from(u16::MAX));
+        let numbers = &self.numbers;
+        for part in &self.parts {
+            let first = index32(part.vertices.start);
+            let own = triangles[part.triangles.clone()]
                 .iter()
-                .map(|corners| corners.map(|corner| corner - first));
+                .map(|corners| corners.map(|corner| numbers[corner as usize] - first));
             if is_short {
                 #[expect(clippy::cast_possible_truncation, reason = "no yarn has more vertices")]
                 self.short_triangles.extend(own.map(|corners| corners.map(|corner| corner as u16)));
@@ -393,8 +537,12 @@ impl PreparedBlock {
 }
 
 /// Bytes that the headers and the JSON take at the most.
-fn room_for(root: &Root, Expected { blocks, yarns }: Expected) -> usize {
-    let json = json_text(root).len() + LAST_JSON + BLOCK_JSON * blocks + YARN_JSON * yarns;
+fn room_for(root: &Root, Expected { blocks, yarns }: Expected, nodes: Nodes) -> usize {
+    let parts = match nodes {
+        Nodes::Bar => blocks,
+        Nodes::Yarn => yarns,
+    };
+    let json = json_text(root).len() + LAST_JSON + BLOCK_JSON * blocks + YARN_JSON * parts;
     (HEADERS + json).next_multiple_of(4)
 }
 
@@ -406,6 +554,17 @@ fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
         high = high.max(*position);
     }
     [low, high]
+}
+
+/// A mesh without parts.
+fn mesh_of(name: Option<String>) -> json::Mesh {
+    json::Mesh {
+        name,
+        primitives: Vec::new(),
+        weights: None,
+        extensions: None,
+        extras: json::Extras::default(),
+    }
 }
 
 fn json_text(root: &Root) -> Vec<u8> {

@@ -6,6 +6,9 @@
 
 use std::sync::Arc;
 
+use super::axes::Axes;
+use super::facts::Facts;
+use super::glb::GlbOptions;
 use super::inp::InpDialect;
 use super::texture::TextureSet;
 use super::usd_stage::UsdCurves;
@@ -121,6 +124,12 @@ pub struct ClothInfo<'a> {
     pub usd_curves: UsdCurves,
     /// Whose keywords an `.inp` has.
     pub inp: InpDialect,
+    /// Unit and upright axis of `.ply` and `.obj`.
+    pub axes: Axes,
+    /// How a `.glb` holds its meshes.
+    pub glb: GlbOptions,
+    /// What a page says of the fabric in words and numbers. By default nothing.
+    pub facts: Facts,
     /// The garment's panels: `.npz` and `.csv` take triangles and flat coordinates from them.
     pub panels: &'a [Panel],
 }
@@ -138,6 +147,9 @@ impl<'a> ClothInfo<'a> {
             expected: None,
             usd_curves: UsdCurves::default(),
             inp: InpDialect::default(),
+            axes: Axes::default(),
+            glb: GlbOptions::default(),
+            facts: Facts::default(),
             panels: &[],
         }
     }

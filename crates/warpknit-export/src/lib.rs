@@ -14,6 +14,8 @@
 //! Files and folders are touched in `output.rs`, `folder.rs` and `temporary.rs` alone. A program
 //! that may end without returning calls [`remove_temporaries`] first.
 
+mod axes;
+mod base64;
 pub mod bcc;
 mod buffer;
 mod crate_file;
@@ -22,12 +24,16 @@ pub mod csv;
 pub mod curves;
 mod destination;
 mod digits;
+mod facts;
 pub mod fibres;
 mod file_writer;
 mod folder;
 mod format;
 pub mod glb;
+mod glb_grid;
 mod glb_material;
+pub mod html;
+mod html_lines;
 mod info;
 pub mod inp;
 mod lines;
@@ -51,7 +57,9 @@ mod whole;
 use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 
+pub use axes::{Axes, FileUnit, UpAxis};
 pub use destination::Destination;
+pub use facts::{Facts, SystemFacts};
 pub use file_writer::FileWriter;
 pub use folder::OutputFolder;
 pub use format::Format;
@@ -122,6 +130,7 @@ pub fn writer<'a, W: Write + Seek + Send + 'a>(
         Format::Obj => Box::new(obj::ObjWriter::create(target, cloth)?),
         Format::ObjLines => Box::new(obj_lines::ObjLinesWriter::create(target, cloth)?),
         Format::Ply => Box::new(ply::PlyWriter::create(target, cloth)?),
+        Format::Html => Box::new(html::HtmlWriter::create(target, cloth)?),
         Format::Usda => Box::new(usda::UsdaWriter::create(target, cloth)?),
         Format::Usdc => Box::new(usdc::UsdcWriter::create(target, cloth)?),
         Format::Bcc => Box::new(bcc::BccWriter::create(target, cloth)?),
@@ -172,6 +181,20 @@ pub enum ExportError {
         path: Option<PathBuf>,
         /// How many there would be.
         vertices: u64,
+    },
+    /// More than a page holds.
+    #[error("{}{count} {what} are over the {most} that a page holds; enlarge the loops \
+             (--enlarge auto), lower the densities, make parts with --tile, or write .glb or \
+             .usda", prefix(path.as_deref()))]
+    PageTooLarge {
+        /// The target.
+        path: Option<PathBuf>,
+        /// How many there are, so far or in all.
+        count: u64,
+        /// Of what.
+        what: &'static str,
+        /// The most.
+        most: u64,
     },
     /// A header longer than the room that was kept for it.
     #[error("{}the header takes {bytes} bytes and there is room for {room}; there were more \

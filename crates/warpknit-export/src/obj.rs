@@ -16,7 +16,7 @@ use super::buffer::{Buffer, Conveyor};
 use super::digits::{add_line, decimal, thrice, word};
 use super::lines::in_file;
 use super::texture::TextureSet;
-use super::{ClothInfo, Destination, ExportError, Sink, mtl};
+use super::{Axes, ClothInfo, Destination, ExportError, FileUnit, Sink, mtl};
 use warpknit_core::drape::Block;
 
 /// Writes tubes as text.
@@ -24,6 +24,7 @@ use warpknit_core::drape::Block;
 pub struct ObjWriter<W> {
     target: Destination<W>,
     textures: Arc<TextureSet>,
+    axes: Axes,
     /// Vertices written so far.
     vertices: u64,
     conveyor: Conveyor,
@@ -37,13 +38,13 @@ impl<W: Write + Seek + Send> ObjWriter<W> {
     pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         target.write(mtl::obj_beginning(target.path()).as_bytes())?;
         let textures = Arc::clone(&cloth.textures);
-        Ok(Self { target, textures, vertices: 0, conveyor: Conveyor::default() })
+        Ok(Self { target, textures, axes: cloth.axes, vertices: 0, conveyor: Conveyor::default() })
     }
 }
 
 impl<W: Write + Seek + Send> Sink<W> for ObjWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { target, vertices, conveyor, textures } = self;
+        let Self { target, vertices, conveyor, textures, axes } = self;
         // Vertex numbers run through the file, so each block is given its first one before blocks
         // are written in parallel.
         let mut numbered = Vec::with_capacity(blocks.len());
@@ -53,7 +54,7 @@ impl<W: Write + Seek + Send> Sink<W> for ObjWriter<W> {
         }
         conveyor.carry(
             &numbered,
-            |(block, first), text| add_objects(block, *first, textures, text),
+            |(block, first), text| add_objects(block, *first, textures, *axes, text),
             |text| target.write(text),
         )
     }
@@ -64,14 +65,14 @@ impl<W: Write + Seek + Send> Sink<W> for ObjWriter<W> {
 }
 
 /// The objects of a block whose first vertex has this number, counted from 0.
-fn add_objects(block: &Block, first: u64, textures: &TextureSet, text: &mut Buffer) {
+fn add_objects(block: &Block, first: u64, textures: &TextureSet, axes: Axes, text: &mut Buffer) {
     // Downward where there is a picture, since the format's pictures begin at the bottom.
     let along = textures.texture_of(block.bar).map_or(1.0, |_| -textures.repeats_per_mm(block.bar));
     for (strand, tube) in block.strands.strands.iter().zip(&block.tubes.strands) {
         let (panel, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);
         write!(text, "o panel{panel}_bar{bar}_yarn{yarn}\nusemtl bar_{bar}\n")
             .expect("memory takes all text");
-        add_object(block, tube, first, along, text);
+        add_object(block, tube, first, along, axes, text);
     }
 }
 
@@ -81,23 +82,36 @@ fn add_object(
     (vertices, triangles): &(Range<u32>, Range<u32>),
     first: u64,
     along: f32,
+    axes: Axes,
     text: &mut Buffer,
 ) {
     let tubes = &block.tubes;
     let vertices = vertices.start as usize..vertices.end as usize;
     for position in &tubes.positions[vertices.clone()] {
-        let Vec3 { x, y, z } = in_file(block, *position);
-        add_numbers(text, "v", [x, y, z]);
+        add_place(text, in_file(block, *position), axes);
     }
     for &Vec2 { x, y } in &tubes.uvs[vertices.clone()] {
         add_numbers(text, "vt", [x, along * y]);
     }
-    for &Vec3 { x, y, z } in &tubes.normals[vertices] {
+    for normal in &tubes.normals[vertices] {
+        let Vec3 { x, y, z } = axes.direction(*normal);
         add_numbers(text, "vn", [x, y, z]);
     }
     for triangle in &tubes.triangles[triangles.start as usize..triangles.end as usize] {
         // The format counts from 1, through the whole file.
         add_triangle(text, triangle.map(|vertex| u64::from(vertex) + first + 1));
+    }
+}
+
+/// A vertex's place, mm, as the file has it.
+pub(super) fn add_place(text: &mut Buffer, place: Vec3, axes: Axes) {
+    let Vec3 { x, y, z } = axes.place(place);
+    if axes.unit == FileUnit::Mm {
+        add_numbers(text, "v", [x, y, z]);
+    } else {
+        let decimals = axes.unit.decimals();
+        writeln!(text, "v {x:.decimals$} {y:.decimals$} {z:.decimals$}")
+            .expect("memory takes all text");
     }
 }
 

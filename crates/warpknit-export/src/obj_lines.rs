@@ -6,8 +6,8 @@ use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
 use super::buffer::{Buffer, Conveyor};
-use super::digits::numbers;
-use super::{ClothInfo, Destination, ExportError, Sink, lines, mtl};
+use super::obj::add_place;
+use super::{Axes, ClothInfo, Destination, ExportError, Sink, lines, mtl};
 use warpknit_core::drape::Block;
 
 /// Writes centre lines as text.
@@ -15,6 +15,7 @@ use warpknit_core::drape::Block;
 pub struct ObjLinesWriter<W> {
     target: Destination<W>,
     st: u32,
+    axes: Axes,
     /// Points written so far.
     points: u64,
     conveyor: Conveyor,
@@ -27,13 +28,14 @@ impl<W: Write + Seek + Send> ObjLinesWriter<W> {
     /// [`ExportError::Io`].
     pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         target.write(mtl::obj_beginning(target.path()).as_bytes())?;
-        Ok(Self { target, st: cloth.section.st, points: 0, conveyor: Conveyor::default() })
+        let (st, axes) = (cloth.section.st, cloth.axes);
+        Ok(Self { target, st, axes, points: 0, conveyor: Conveyor::default() })
     }
 }
 
 impl<W: Write + Seek + Send> Sink<W> for ObjLinesWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { target, st, points, conveyor } = self;
+        let Self { target, st, axes, points, conveyor } = self;
         // Point numbers run through the file, so each block is given its first one before blocks
         // are written in parallel.
         let mut numbered = Vec::with_capacity(blocks.len());
@@ -43,7 +45,7 @@ impl<W: Write + Seek + Send> Sink<W> for ObjLinesWriter<W> {
         }
         conveyor.carry(
             &numbered,
-            |(block, first), text| add_objects(block, *st, *first, text),
+            |(block, first), text| add_objects(block, (*st, *axes), *first, text),
             |text| target.write(text),
         )
     }
@@ -54,7 +56,7 @@ impl<W: Write + Seek + Send> Sink<W> for ObjLinesWriter<W> {
 }
 
 /// The objects of a block whose first point has this number, counted from 0.
-fn add_objects(block: &Block, st: u32, mut first: u64, text: &mut Buffer) {
+fn add_objects(block: &Block, (st, axes): (u32, Axes), mut first: u64, text: &mut Buffer) {
     let mut strands = block.strands.strands.iter();
     lines::each(block, st, |line| {
         let (panel, bar) = (block.panel, block.bar + 1);
@@ -62,9 +64,7 @@ fn add_objects(block: &Block, st: u32, mut first: u64, text: &mut Buffer) {
         write!(text, "o panel{panel}_bar{bar}_yarn{yarn}\nusemtl bar_{bar}\n")
             .expect("memory takes all text");
         for point in line {
-            text.write_str("v ").expect("memory takes all text");
-            numbers(text, point.to_array(), b' ');
-            text.write_char('\n').expect("memory takes all text");
+            add_place(text, *point, axes);
         }
         let end = first + line.len() as u64;
         text.write_char('l').expect("memory takes all text");

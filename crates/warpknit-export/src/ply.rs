@@ -1,5 +1,5 @@
 //! Tubes as binary PLY, little-endian (Greg Turk, "The PLY Polygon File Format", 1994): positions,
-//! normals, texture coordinates (s, t) and the bar's colour at each vertex, then all triangles, mm.
+//! normals, texture coordinates (s, t) and the bar's colour at each vertex, then all triangles, mm unless [`Axes`] say otherwise.
 //!
 //! The file is written in one pass. Its header counts vertices and triangles, which are known last,
 //! so it gets room. All vertices stand before all triangles, but triangles need not wait: a tube's
@@ -16,7 +16,7 @@ use glam::{Vec2, Vec3};
 use super::buffer::{Buffer, Conveyor};
 use super::lines::in_file;
 use super::patched_header::PatchedHeader;
-use super::{ClothInfo, Destination, ExportError, Sink};
+use super::{Axes, ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::yarn::faces;
 use warpknit_core::yarn::tube::Section;
@@ -48,6 +48,7 @@ pub struct PlyWriter<W> {
     file: PatchedHeader<W>,
     /// That of the blocks' tubes.
     section: Section,
+    axes: Axes,
     /// Each bar's colour, sRGB.
     colors: Vec<[u8; 3]>,
     /// Vertices of each strand.
@@ -64,10 +65,11 @@ impl<W: Write + Seek + Send> PlyWriter<W> {
     /// [`ExportError::Io`].
     pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         // No count is longer than these.
-        let room = header(u64::MAX, u64::MAX, 0).len();
+        let room = header(cloth.axes, u64::MAX, u64::MAX, 0).len();
         Ok(Self {
             file: PatchedHeader::create(target, Some(room))?,
             section: cloth.section,
+            axes: cloth.axes,
             colors: cloth.strands.iter().map(|style| style.color.0).collect(),
             strands: Vec::new(),
             vertices: 0,
@@ -99,16 +101,16 @@ impl<W: Write + Seek + Send> Sink<W> for PlyWriter<W> {
                 vertices: self.vertices,
             });
         }
-        let Self { file, colors, conveyor, .. } = self;
+        let Self { file, axes, colors, conveyor, .. } = self;
         conveyor.carry(
             blocks,
-            |block, bytes| add_vertices(block, colors[block.bar], bytes),
+            |block, bytes| add_vertices(block, *axes, colors[block.bar], bytes),
             |bytes| file.write(bytes),
         )
     }
 
     fn finish(self: Box<Self>) -> Result<W, ExportError> {
-        let Self { mut file, section, mut conveyor, vertices, strands, .. } = *self;
+        let Self { mut file, section, axes, mut conveyor, vertices, strands, .. } = *self;
         let strands = number_vertices(&strands);
         let faces = strands.iter().map(|vertices| faces::count(&section, vertices) as u64).sum();
         let strands: Vec<_> = strands.chunks(STRANDS).collect();
@@ -120,17 +122,18 @@ impl<W: Write + Seek + Send> Sink<W> for PlyWriter<W> {
             |bytes| file.write(bytes),
         )?;
         // A comment takes up what the counts leave of the room, so the body stays where it is.
-        let padding = file.room() - header(vertices, faces, 0).len();
-        file.finish(header(vertices, faces, padding).as_bytes())
+        let padding = file.room() - header(axes, vertices, faces, 0).len();
+        file.finish(header(axes, vertices, faces, padding).as_bytes())
     }
 }
 
 /// The header, lengthened by that many spaces in its comment.
-fn header(vertices: u64, faces: u64, padding: usize) -> String {
+fn header(axes: Axes, vertices: u64, faces: u64, padding: usize) -> String {
+    let unit = axes.unit.name();
     format!(
         "ply\n\
          format binary_little_endian 1.0\n\
-         comment yarns by warpknit, mm{:padding$}\n\
+         comment yarns by warpknit, {unit}{:padding$}\n\
          element vertex {vertices}\n\
          property float x\nproperty float y\nproperty float z\n\
          property float nx\nproperty float ny\nproperty float nz\n\
@@ -144,14 +147,15 @@ fn header(vertices: u64, faces: u64, padding: usize) -> String {
 }
 
 /// The vertices of a block.
-fn add_vertices(block: &Block, color: [u8; 3], bytes: &mut Buffer) {
+fn add_vertices(block: &Block, axes: Axes, color: [u8; 3], bytes: &mut Buffer) {
     let tubes = &block.tubes;
     let vertices = bytemuck::cast_slice_mut::<_, VertexRecord>(
         bytes.grow(tubes.positions.len() * size_of::<VertexRecord>()),
     );
     let values = tubes.positions.iter().zip(&tubes.normals).zip(&tubes.uvs);
     for (vertex, ((&position, &normal), &texture)) in vertices.iter_mut().zip(values) {
-        let position = in_file(block, position);
+        let position = axes.place(in_file(block, position));
+        let normal = axes.direction(normal);
         *vertex = VertexRecord { position, normal, texture, color };
     }
 }

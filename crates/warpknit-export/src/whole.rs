@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{
-    ClothInfo, Companion, Destination, Expected, ExportError, Format, InpDialect, TextureSet,
-    UsdCurves, default_section, mtl, writer,
+    ClothInfo, Companion, Destination, Expected, ExportError, Facts, Format, InpDialect,
+    TextureSet, UsdCurves, default_section, mtl, writer,
 };
 use warpknit_core::drape::{self, Block, Cloth, Totals, fibres};
 use warpknit_core::fabric::Fabric;
@@ -86,10 +86,12 @@ pub fn write(
         }
     };
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
-    let usd_curves = options.usd_curves;
+    // Only a page has words about the fabric, and they take a repeat to measure.
+    let facts = if format == Format::Html { Facts::measured(fabric) } else { Facts::default() };
     let info = ClothInfo {
         expected: Some(expected),
-        usd_curves,
+        facts,
+        usd_curves: options.usd_curves,
         inp: options.inp,
         ..info.on_panels(&cloth.garment().panels)
     };
@@ -124,11 +126,12 @@ mod tests {
     use super::*;
     use warpknit_core::drape::swatch_panel;
 
-    const FORMATS: [Format; 11] = [
+    const FORMATS: [Format; 12] = [
         Format::Glb,
         Format::Obj,
         Format::ObjLines,
         Format::Ply,
+        Format::Html,
         Format::Usda,
         Format::Usdc,
         Format::Bcc,
@@ -165,6 +168,7 @@ mod tests {
             let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
             let info = ClothInfo {
                 expected: Some(expected),
+                facts: Facts::measured(&fabric),
                 ..ClothInfo::from_fabric(&fabric, section).on_panels(&panel.panels)
             };
             let mut writer = super::super::FileWriter::create(&path, format, &info).unwrap();

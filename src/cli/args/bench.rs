@@ -33,6 +33,12 @@ pub(crate) enum Subject {
 pub(crate) enum BenchFormat {
     /// All figures.
     Json,
+    /// All figures, for spreadsheets and data frames.
+    Csv,
+    /// The tables, for a page.
+    Markdown,
+    /// The tables, for a paper.
+    Latex,
     /// Plots as vector graphics, which drawing programs edit.
     Svg,
     /// Plots as pixels.
@@ -44,6 +50,9 @@ impl BenchFormat {
     pub(crate) fn from_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "json" => Some(Self::Json),
+            "csv" => Some(Self::Csv),
+            "md" => Some(Self::Markdown),
+            "tex" => Some(Self::Latex),
             "svg" => Some(Self::Svg),
             "png" => Some(Self::Png),
             _ => None,
@@ -54,7 +63,8 @@ impl BenchFormat {
 /// Parses the path of a file of figures.
 pub(super) fn figures(text: &str) -> Result<(PathBuf, BenchFormat), String> {
     let path = PathBuf::from(text);
-    let format = BenchFormat::from_path(&path)
-        .ok_or("figures can't be written with this ending; known are .json .svg .png")?;
+    let format = BenchFormat::from_path(&path).ok_or(
+        "figures can't be written with this ending; known are .json .csv .md .tex .svg .png",
+    )?;
     Ok((path, format))
 }

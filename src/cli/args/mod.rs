@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use glam::DVec3;
-use warpknit::chart;
 use warpknit::export::Format;
 use warpknit::fabric::yarn::Count;
 use warpknit::garment::Unit;
@@ -27,9 +26,9 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, InpArg, MappingArg, RendererArg, RunIn, ShapeArg, SwitchArg, UsdCurvesArg, ViewArg,
-    diagram, enlarge, field_of_view, finite, flattening, loupe, output, positive, run_in, samples,
-    size, stretch, vector,
+    EdgeArg, FactsFormat, FileUnitArg, InpArg, MappingArg, NodesArg, PrecisionArg, RendererArg,
+    RunIn, ShapeArg, SwitchArg, UpArg, UsdCurvesArg, ViewArg, diagram, enlarge, field_of_view,
+    finite, flattening, loupe, output, positive, run_in, samples, size, stretch, vector,
 };
 
 /// The fabric, unless one is named.
@@ -288,9 +287,10 @@ pub(crate) struct Inspect {
     #[command(flatten)]
     pub(crate) chains: Chains,
     /// A file to write, by its ending: .svg .png; for meshes a sheet of flat panels and stretch
-    /// (OUT-001 and so on for several drapes), for a fabric its lapping diagram; may be repeated
+    /// (OUT-001 and so on for several drapes), for a fabric its lapping diagram; .json for the facts
+    /// of meshes; may be repeated
     #[arg(short, long = "output", value_name = "OUT", value_parser = diagram)]
-    pub(crate) outputs: Vec<(PathBuf, chart::ChartFormat)>,
+    pub(crate) outputs: Vec<(PathBuf, FactsFormat)>,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }
@@ -349,7 +349,8 @@ pub(crate) struct Bench {
     /// The fabric of yarn-length, a built-in one or a file [default: tricot]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) fabric: Option<String>,
-    /// A file to write, by its ending: .json (all figures) .svg .png (plots); may be repeated
+    /// A file to write, by its ending: .json .csv (all figures) .md .tex (tables) .svg .png (plots); may
+    /// be repeated
     #[arg(short, long = "output", value_name = "OUT", value_parser = figures)]
     pub(crate) outputs: Vec<(PathBuf, BenchFormat)>,
     #[command(flatten)]
@@ -463,8 +464,8 @@ pub(crate) struct Reading {
 /// Flags that `drape`, `swatch` and `view` share.
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
-    /// A file to write, by its ending: .png .glb .obj .ply .usda .usdc .bcc .curves.txt .inp .npz
-    /// .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape
+    /// A file to write, by its ending: .png .html (a page to turn and zoom) .glb .obj .ply
+    /// .usda .usdc .bcc .curves.txt .inp .npz .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape
     /// or the fabric]
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
@@ -512,6 +513,18 @@ pub(crate) struct Shared {
     /// Whose keywords an .inp has
     #[arg(long, value_enum, default_value = "calculix")]
     pub(crate) inp: InpArg,
+    /// Unit of .ply and .obj, which can't say theirs; Blender takes metres
+    #[arg(long, value_enum, default_value = "mm")]
+    pub(crate) file_unit: FileUnitArg,
+    /// Upright axis of .ply and .obj; Blender takes z for .ply and y for .obj
+    #[arg(long, value_enum, default_value = "y")]
+    pub(crate) up: UpArg,
+    /// Numbers of a .glb: 16 bits on a grid (KHR_mesh_quantization), or floats for readers without it
+    #[arg(long, value_enum, default_value = "u16")]
+    pub(crate) glb_precision: PrecisionArg,
+    /// What has a node of its own in a .glb
+    #[arg(long, value_enum, default_value = "bar")]
+    pub(crate) nodes: NodesArg,
     /// Size of the picture
     #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
     pub(crate) size: (u32, u32),

@@ -27,7 +27,7 @@ pub(super) struct Moment {
 pub(super) struct Sample {
     pub(super) wall: f64,
     /// CPU time of all threads together, where the system gives it.
-    cpu: Option<f64>,
+    pub(super) cpu: Option<f64>,
 }
 
 /// Median and range of several measurements.
@@ -39,8 +39,10 @@ pub(super) struct Spread {
 }
 
 /// The times of some work over several runs, ms.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Times {
+    /// Each run, in turn.
+    pub(super) samples: Vec<Sample>,
     pub(super) wall: Spread,
     /// CPU time of all threads together, where the system gives it.
     pub(super) cpu: Option<Spread>,
@@ -60,6 +62,13 @@ impl Moment {
             wall: 1e3 * (self.wall - start.wall).as_secs_f64(),
             cpu: self.cpu.zip(start.cpu).map(|(after, before)| after - before),
         }
+    }
+}
+
+impl Sample {
+    /// The time for ratios, as of [`Times::for_ratio`].
+    pub(super) fn for_ratio(self) -> f64 {
+        self.cpu.unwrap_or(self.wall)
     }
 }
 
@@ -102,8 +111,34 @@ impl Times {
     pub(super) fn from_samples(samples: &[Sample]) -> Self {
         let cpu: Vec<_> = samples.iter().filter_map(|sample| sample.cpu).collect();
         let wall = Spread::from_numbers(samples.iter().map(|sample| sample.wall).collect());
-        Self { wall, cpu: (cpu.len() == samples.len()).then(|| Spread::from_numbers(cpu)) }
+        let cpu = (cpu.len() == samples.len()).then(|| Spread::from_numbers(cpu));
+        Self { samples: samples.to_vec(), wall, cpu }
     }
+
+    /// The time for ratios: CPU time, which other programs on the machine hardly change, or else
+    /// wall time.
+    pub(super) fn for_ratio(&self) -> f64 {
+        self.cpu.map_or(self.wall.median, |cpu| cpu.median)
+    }
+}
+
+/// Distance from the median, in median distances, from which on a run is an outlier. It is that of
+/// the program hyperfine: ten standard deviations, where runs are normally distributed.
+const OUTLYING: f64 = 14.826 / 0.6745;
+/// Runs of fewer samples have no outliers: their median distance says nothing.
+const FEWEST: usize = 5;
+
+/// Whether a time is an outlier among all times of the same work (Iglewicz and Hoaglin, How to
+/// detect and handle outliers, 1993: the modified z-score).
+pub(super) fn has_outliers(times: &[f64]) -> bool {
+    if times.len() < FEWEST {
+        return false;
+    }
+    let median = Spread::from_numbers(times.to_vec()).median;
+    let distances: Vec<_> = times.iter().map(|time| (time - median).abs()).collect();
+    // Clocks are coarse: runs that all but agree must not make a hundredth an outlier.
+    let usual = Spread::from_numbers(distances.clone()).median.max(0.01 * median);
+    distances.iter().any(|distance| *distance > OUTLYING * usual)
 }
 
 /// Does the work once to warm up, and then measures it so many times.
@@ -178,6 +213,14 @@ mod tests {
         let Spread { median, least, most } = Spread::from_numbers(vec![4.0, 1.0, 9.0, 2.0]);
         assert_eq!((median, least, most), (3.0, 1.0, 9.0));
         assert_eq!(Spread::from_numbers(vec![4.0, 1.0, 9.0]).median, 4.0);
+    }
+
+    #[test]
+    fn a_run_far_from_the_others_is_an_outlier() {
+        assert!(!has_outliers(&[10.0, 10.1, 9.9, 10.2, 10.4]));
+        assert!(has_outliers(&[10.0, 10.1, 9.9, 10.2, 31.0]));
+        assert!(!has_outliers(&[10.0, 10.0, 10.0, 10.0, 10.5]));
+        assert!(!has_outliers(&[10.0, 10.0, 10.0, 99.0]));
     }
 
     #[test]

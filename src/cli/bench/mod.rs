@@ -26,13 +26,14 @@ mod table;
 mod textures;
 mod total;
 mod weft;
+mod written;
 mod yarn_length;
 
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 
 use super::args::{Bench, Subject};
-use super::terminal::{Terminal, print};
+use super::terminal::{Terminal, print, tell};
 use garments::Garments;
 use table::Table;
 use warpknit::pipeline::{Listener as _, Task};
@@ -59,6 +60,9 @@ pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     }
     files::write(arguments, &tables)?;
     terminal.clear();
+    if let Some(warning) = files::busy(&tables) {
+        tell(arguments.running.quiet, &format!("warning: {warning}"));
+    }
     // Scripts parse the one table that `--weft` has always printed, and expect no title above it.
     let bare = subjects == [Subject::Weft];
     let texts: Vec<_> =

@@ -54,9 +54,14 @@ impl PictureTimer {
         format!("{by}; runs of each: {}", self.runs)
     }
 
+    /// Whether the processor draws, so that its time is that of the work.
+    pub(super) fn is_on_cpu(&self) -> bool {
+        self.options.renderer == RendererChoice::Cpu
+    }
+
     /// Whether St and Sr make a difference. The CPU renderer traces curves, not tubes.
     pub(super) fn heeds_tubes(&self) -> bool {
-        self.options.renderer != RendererChoice::Cpu
+        !self.is_on_cpu()
     }
 
     /// Draws once to warm up, and then once for each run.

@@ -95,7 +95,11 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
                 TableCell::ms(tubes.wall.median),
             ];
             table.push(
-                sizes.into_iter().chain(further).chain(times(&taken)).chain(beside(None, &taken)),
+                sizes
+                    .into_iter()
+                    .chain(further)
+                    .chain(times(&taken))
+                    .chain(beside(None, taken.for_ratio())),
             );
             all.push((taken.wall.median, tubes.wall.median));
         }

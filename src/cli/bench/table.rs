@@ -5,7 +5,7 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use super::measure::Times;
+use super::measure::{Times, has_outliers};
 use super::plot::Plot;
 
 /// The text between two columns.
@@ -25,12 +25,19 @@ pub(super) struct Table {
     pub(super) plots: Vec<Plot>,
 }
 
-/// A column's key in files, and its heading, which may have several lines.
+/// A column's key in files, and its heading, which may have several lines. A column without a heading
+/// is in files alone.
 pub(super) type Column = (&'static str, &'static str);
 
 /// The columns that [`times`] fills.
-pub(super) const TIMES: [Column; 4] =
-    [("ms", "ms"), ("from", "from"), ("to", "to"), ("cpu_ms", "cpu ms")];
+pub(super) const TIMES: [Column; 6] = [
+    ("ms", "ms"),
+    ("from", "from"),
+    ("to", "to"),
+    ("cpu_ms", "cpu ms"),
+    ("samples_ms", ""),
+    ("cpu_samples_ms", ""),
+];
 /// The columns that [`beside`] fills.
 pub(super) const BESIDE: [Column; 2] =
     [("published", "published,\nother machine"), ("times", "times")];
@@ -42,6 +49,8 @@ pub(super) enum TableCell {
     Count(usize),
     /// A number, and the number of decimals in text.
     Number(f64, usize),
+    /// The times of all runs, in turn, ms. Files have them.
+    Samples(Vec<f64>),
     /// A figure that does not exist, or that the system does not give.
     Missing,
 }
@@ -67,11 +76,14 @@ impl TableCell {
     }
 
     /// The cell's text.
-    fn printed(&self) -> String {
+    pub(super) fn printed(&self) -> String {
         match self {
             Self::Text(text) => text.clone(),
             Self::Count(count) => count.to_string(),
             Self::Number(number, decimals) => format!("{number:.decimals$}"),
+            Self::Samples(times) => {
+                times.iter().map(|ms| format!("{ms:.3}")).collect::<Vec<_>>().join(" ")
+            }
             Self::Missing => "-".to_owned(),
         }
     }
@@ -83,28 +95,30 @@ impl Serialize for TableCell {
             Self::Text(text) => serializer.serialize_str(text),
             Self::Count(count) => serializer.serialize_u64(*count as u64),
             Self::Number(number, _) => serializer.serialize_f64(*number),
+            Self::Samples(times) => serializer.collect_seq(times),
             Self::Missing => serializer.serialize_none(),
         }
     }
 }
 
-/// Median, fastest and slowest wall time, and the median of the CPU time.
-pub(super) fn times(times: &Times) -> [TableCell; 4] {
+/// Median, fastest and slowest wall time, the median of the CPU time, and the times of all runs.
+pub(super) fn times(times: &Times) -> [TableCell; 6] {
     let cpu = TableCell::known(times.cpu.map(|cpu| cpu.median), 2);
+    let cpu_samples: Option<Vec<_>> = times.samples.iter().map(|sample| sample.cpu).collect();
     [
         TableCell::ms(times.wall.median),
         TableCell::ms(times.wall.least),
         TableCell::ms(times.wall.most),
         cpu,
+        TableCell::Samples(times.samples.iter().map(|sample| sample.wall).collect()),
+        cpu_samples.map_or(TableCell::Missing, TableCell::Samples),
     ]
 }
 
-/// The published time, ms, and its ratio to the time measured here.
-pub(super) fn beside(published: Option<f64>, times: &Times) -> [TableCell; 2] {
-    [
-        TableCell::known(published, 2),
-        TableCell::times(published.map(|published| published / times.wall.median)),
-    ]
+/// The published time, ms, and its ratio to the time measured here: [`Times::for_ratio`], where the
+/// processor does the work.
+pub(super) fn beside(published: Option<f64>, ms: f64) -> [TableCell; 2] {
+    [TableCell::known(published, 2), TableCell::times(published.map(|published| published / ms))]
 }
 
 impl Table {
@@ -137,6 +151,23 @@ impl Table {
         self.rows.push(row);
     }
 
+    /// Columns, and rows with a cell for each.
+    pub(super) fn cells(&self) -> (&[Column], &[Vec<TableCell>]) {
+        (&self.columns, &self.rows)
+    }
+
+    /// How many rows have a run that took far longer or shorter than the others, and how many have
+    /// runs at all.
+    pub(super) fn outlying(&self) -> (usize, usize) {
+        let walls = self.rows.iter().filter_map(|row| {
+            row.iter().find_map(|cell| match cell {
+                TableCell::Samples(times) => Some(has_outliers(times)),
+                _ => None,
+            })
+        });
+        walls.fold((0, 0), |(odd, all), is_odd| (odd + usize::from(is_odd), all + 1))
+    }
+
     /// Title, notes and rows.
     pub(super) fn text(&self) -> String {
         let notes: String = self.notes.iter().map(|note| format!("  {note}\n")).collect();
@@ -145,8 +176,10 @@ impl Table {
 
     /// Headings and rows only.
     pub(super) fn body(&self) -> String {
+        let shown: Vec<usize> =
+            (0..self.columns.len()).filter(|&column| !self.columns[column].1.is_empty()).collect();
         let headings: Vec<Vec<&str>> =
-            self.columns.iter().map(|(_, heading)| heading.lines().collect()).collect();
+            shown.iter().map(|&column| self.columns[column].1.lines().collect()).collect();
         let height = headings.iter().map(Vec::len).max().unwrap_or(0);
         let mut lines: Vec<Vec<String>> = Vec::new();
         for line in 0..height {
@@ -156,9 +189,11 @@ impl Table {
             };
             lines.push(headings.iter().map(cell).collect());
         }
-        lines.extend(self.rows.iter().map(|row| row.iter().map(TableCell::printed).collect()));
+        let printed =
+            |row: &Vec<TableCell>| shown.iter().map(|&column| row[column].printed()).collect();
+        lines.extend(self.rows.iter().map(printed));
         // Characters, not bytes: labels may hold letters outside ASCII.
-        let widths: Vec<usize> = (0..self.columns.len())
+        let widths: Vec<usize> = (0..shown.len())
             .map(|column| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0))
             .collect();
         lines.iter().map(|line| aligned(line, &widths)).collect()

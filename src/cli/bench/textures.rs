@@ -70,7 +70,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         let plain = *plain.get_or_insert(taken.wall.median);
         let name = side.map_or_else(|| "none".to_owned(), |side| format!("{side} x {side}"));
         let labels = [TableCell::Text(name), TableCell::Number(taken.wall.median / plain, 2)];
-        table.push(labels.into_iter().chain(times(&taken)).chain(beside(None, &taken)));
+        table.push(labels.into_iter().chain(times(&taken)).chain(beside(None, taken.for_ratio())));
         if let Some(side) = side {
             plot.push(f64::from(side), [taken.wall.median, plain]);
         }

@@ -70,8 +70,8 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
         ];
         // CPU time, since the paper's cloths are knitted by several threads here.
         let each = taken.cpu.map(|cpu| 1e6 * cpu.median / vertices as f64);
-        let further =
-            std::iter::once(TableCell::known(each, 1)).chain(beside(Some(published), &taken));
+        let further = std::iter::once(TableCell::known(each, 1))
+            .chain(beside(Some(published), taken.for_ratio()));
         table.push(sizes.into_iter().chain(times(&taken)).chain(further));
         plot.push(f64::from(side * side * st), [taken.wall.median, published]);
     }

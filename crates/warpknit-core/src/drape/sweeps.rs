@@ -6,6 +6,8 @@
 //! The table of strained repeats takes cloth to be strained alike all over a loop. Where strain
 //! changes within a loop, or the cloth bends sharply, yarns still cut each other a little. A few
 //! sweeps mend that. A repeat that is too large for the table gets more of them, and no table.
+//! Where the cloth is strained too far for loops to follow, yarn has to stretch, and sweeps leave
+//! its length as mapped. Yarn held at its own length there would be pulled into its neighbours.
 //!
 //! Method: position-based dynamics (Müller, Heidelberger, Hennix and Ratcliff 2007). Cloth is
 //! periodic, so a span's partners are those of its repeat, and no search is needed. Every sweep
@@ -26,6 +28,7 @@ use super::strands::CUT;
 use crate::ids::index32;
 use crate::knit::YarnCopy;
 use crate::knit::strain::{NearSpan, Neighbours};
+use crate::map::Draped;
 use crate::yarn::curve;
 
 /// Cutoff of the partners of a span in the flat repeat, over touching. Strains of a fifth bring
@@ -47,8 +50,8 @@ const CONTACT_STIFFNESS: f64 = 0.6;
 const LENGTH_STIFFNESS: f64 = 0.6;
 /// Wrong lengths that are left: less is not seen.
 const LENGTH_TOLERANCE: f64 = 0.002;
-/// Lengths that are wrong by more are those of locked cloth, where yarn has to stretch. Moving its
-/// points would not mend them. Without a table yarns begin farther from their lengths.
+/// Lengths that are wrong by more are those of creases in the mesh. Moving their points would not
+/// mend them. Without a table yarns begin farther from their lengths.
 const LENGTH_LIMIT: f64 = 0.3;
 const LONE_LENGTH_LIMIT: f64 = 0.5;
 /// Parts into which a span is divided to find where it is nearest to another.
@@ -76,6 +79,10 @@ struct SweptPanel<'a> {
     places: Vec<DVec3>,
     /// The places as mapped.
     mapped: Vec<DVec3>,
+    /// Whether the cloth is strained too far at a place for loops to follow.
+    is_overstrained: Vec<bool>,
+    /// Length that the span from each place keeps, mm.
+    lengths: Vec<f64>,
 }
 
 /// What sweeps do for one yarn until the next look.
@@ -123,7 +130,7 @@ pub(super) fn sweep(blocks: &mut [Block], neighbours: &Neighbours) {
 }
 
 /// The parts of an array that yarns fill.
-fn slices_of<'a>(all: &'a mut [DVec3], yarns: &[PanelYarn]) -> Vec<&'a mut [DVec3]> {
+fn slices_of<'a, T>(all: &'a mut [T], yarns: &[PanelYarn]) -> Vec<&'a mut [T]> {
     let mut rest = all;
     let slices = yarns.iter().map(|yarn| {
         rest.split_off_mut(..yarn.places.len()).expect("yarns fill the array one after another")
@@ -139,10 +146,14 @@ impl<'a> SweptPanel<'a> {
             copies: vec![(0, Vec::new()); neighbours.yarns.len()],
             places: Vec::new(),
             mapped: Vec::new(),
+            is_overstrained: Vec::new(),
+            lengths: Vec::new(),
         };
         for block in blocks {
             let start = panel.places.len();
-            panel.places.resize(start + block.knitted.points.len(), DVec3::NAN);
+            let end = start + block.knitted.points.len();
+            panel.places.resize(end, DVec3::NAN);
+            panel.is_overstrained.resize(end, false);
             panel.add_places(block, start);
             panel.yarns.extend(block.yarns.iter().map(|yarn| {
                 let points = block.points_of(&yarn.stitches);
@@ -151,16 +162,39 @@ impl<'a> SweptPanel<'a> {
         }
         panel.mapped.clone_from(&panel.places);
         panel.sort_copies();
+        panel.lengths = panel.kept_lengths();
         panel
     }
 
     /// Adds the data points of a block on the panel.
     fn add_places(&mut self, block: &Block, start: usize) {
-        for (&source, &place) in block.strands.sources.iter().zip(&block.draped.positions) {
+        let Draped { positions, is_overstrained, .. } = &block.draped;
+        let places = positions.iter().zip(is_overstrained);
+        for (&source, (&place, &is_overstrained)) in block.strands.sources.iter().zip(places) {
             if source != CUT {
                 self.places[start + source as usize] = place;
+                self.is_overstrained[start + source as usize] = is_overstrained;
             }
         }
+    }
+
+    /// The length of each span: that of the flat repeat, or as mapped where yarn has to stretch.
+    fn kept_lengths(&self) -> Vec<f64> {
+        let mut lengths = vec![0.0; self.places.len()];
+        let slices = slices_of(&mut lengths, &self.yarns);
+        self.yarns.par_iter().zip(slices).for_each(|(yarn, lengths)| {
+            let mapped = &self.mapped[yarn.places.clone()];
+            let is_overstrained = &self.is_overstrained[yarn.places.clone()];
+            for span in 1..mapped.len().saturating_sub(2) {
+                let (point, _) = self.origin(yarn, span);
+                let has_to_stretch = is_overstrained[span] || is_overstrained[span + 1];
+                let control = control_points(mapped, span).filter(|_| has_to_stretch);
+                lengths[span] = control.map_or(self.neighbours.lengths[point], |control| {
+                    curve::span(&control, 1).length()
+                });
+            }
+        });
+        lengths
     }
 
     /// Finds the copies of each yarn of the repeat.
@@ -259,12 +293,11 @@ impl<'a> SweptPanel<'a> {
     /// Corrects the lengths of a yarn's spans. Returns whether any was wrong.
     fn keep_lengths(&self, yarn: &PanelYarn, own: &mut [DVec3]) -> bool {
         let limit = if self.neighbours.is_flat_only { LONE_LENGTH_LIMIT } else { LENGTH_LIMIT };
+        let lengths = &self.lengths[yarn.places.clone()];
         let mut any = false;
         for span in 1..own.len().saturating_sub(2) {
-            let (point, _) = self.origin(yarn, span);
             let Some(control) = control_points(own, span) else { continue };
-            let length = curve::span(&control, 1).length();
-            let wrong = length / self.neighbours.lengths[point] - 1.0;
+            let wrong = curve::span(&control, 1).length() / lengths[span] - 1.0;
             if wrong.abs() > LENGTH_TOLERANCE && wrong.abs() < limit {
                 let step = (control[2] - control[1]) * (0.5 * LENGTH_STIFFNESS * wrong);
                 own[span] += step;

@@ -46,6 +46,40 @@ impl Garment {
         draped: &[DVec3],
         triangles: &[[u32; 3]],
     ) -> Result<Self, GarmentError> {
+        // The arrays are in mm on both sides, so nothing is to be estimated. The summary tells of a
+        // loss, which the caller may judge.
+        let options = ReadOptions {
+            unit: Some(Unit::Mm),
+            uv_scale: Some(1.0),
+            allow_loss: true,
+            ..ReadOptions::default()
+        };
+        Self::from_arrays_with(flat, draped, triangles, &options)
+    }
+
+    /// The same with options: `draped` in any unit, and `flat` at a scale that is estimated where
+    /// none is given, such as that of a UV map.
+    ///
+    /// # Errors
+    /// As of [`Self::from_arrays`].
+    ///
+    /// ```
+    /// use glam::{DVec2, DVec3};
+    /// use warpknit_core::garment::{Garment, ReadOptions, Unit};
+    /// let uv = [DVec2::ZERO, DVec2::X, DVec2::Y];
+    /// let draped = [DVec3::ZERO, 0.3 * DVec3::X, 0.3 * DVec3::Z];
+    /// let metres = ReadOptions { unit: Some(Unit::M), ..ReadOptions::default() };
+    /// let garment = Garment::from_arrays_with(&uv, &draped, &[[0, 1, 2]], &metres)?;
+    /// assert!((garment.summary.uv_scale_mm - 300.0).abs() < 1e-9);
+    /// # Ok::<(), warpknit_core::garment::GarmentError>(())
+    /// ```
+    pub fn from_arrays_with(
+        flat: &[DVec2],
+        draped: &[DVec3],
+        triangles: &[[u32; 3]],
+        options: &ReadOptions,
+    ) -> Result<Self, GarmentError> {
+        super::check(options)?;
         check_arrays(flat, draped, triangles)?;
         let faces =
             (1..).take(triangles.len()).map(|line| Face { line, corners: 3, label: 0 }).collect();
@@ -59,15 +93,7 @@ impl Garment {
             labels: vec![Label::default()],
             ..ObjMesh::default()
         };
-        // The arrays are in mm on both sides, so nothing is to be estimated. The summary tells of a
-        // loss, which the caller may judge.
-        let options = ReadOptions {
-            unit: Some(Unit::Mm),
-            uv_scale: Some(1.0),
-            allow_loss: true,
-            ..ReadOptions::default()
-        };
-        GarmentFiles::pair(Path::new(ARRAYS), mesh, None)?.into_garment(&options)
+        GarmentFiles::pair(Path::new(ARRAYS), mesh, None)?.into_garment(options)
     }
 
     /// A garment from OBJ text whose `vt` are the flat pattern.

@@ -44,6 +44,9 @@ pub struct Draped {
     pub positions: Vec<DVec3>,
     /// Unit normals of the draped surface beneath each, out of the technical face.
     pub normals: Vec<DVec3>,
+    /// Whether the cloth is strained too far at each point for loops to follow. Empty unless the
+    /// mapping is [`Mapping::Relaxed`].
+    pub is_overstrained: Vec<bool>,
 }
 
 /// Maps located points. `flat` are their positions in panel axes (u, v, depth), mm.
@@ -79,6 +82,7 @@ pub fn map_into(
 ) {
     draped.positions.resize(located.len(), DVec3::ZERO);
     draped.normals.resize(located.len(), DVec3::ZERO);
+    draped.is_overstrained.clear();
     let (mut flat, mut positions, mut normals) =
         (flat, &mut draped.positions[..], &mut draped.normals[..]);
     // Successive points mostly lie in one triangle, whose loads and frames are shared by the run.

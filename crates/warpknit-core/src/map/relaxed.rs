@@ -65,6 +65,7 @@ impl StrainedPanel<'_> {
     ) -> StrainCounts {
         draped.positions.clear();
         draped.normals.clear();
+        draped.is_overstrained.clear();
         let mut counts = StrainCounts { points: flat.len(), ..StrainCounts::default() };
         let mut lookup = self.table.at(Strain::NONE);
         let mut at = 0;
@@ -85,8 +86,10 @@ impl StrainedPanel<'_> {
                     for (k, strain) in strains.into_iter().enumerate().take(group.len()) {
                         lookup.move_to(self.table, strain);
                         let (offset, is_locked) = lookup.offset_and_lock(origin(at + k) as usize);
-                        counts.outside += usize::from(lookup.is_outside());
+                        let is_outside = lookup.is_outside();
+                        counts.outside += usize::from(is_outside);
                         counts.locked += usize::from(is_locked);
+                        draped.is_overstrained.push(is_outside || is_locked);
                         (0..3).for_each(|axis| offsets[axis][k] = offset[axis]);
                     }
                     let positions = placed(&frames, &slopes, &depths, &offsets);

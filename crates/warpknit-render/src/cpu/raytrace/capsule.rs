@@ -1,89 +1,228 @@
-//! Ray-capsule intersection. A capsule is a sphere swept along a straight axis; yarns are chains of
-//! them.
+//! Ray-capsule intersection, eight capsules at a time. A capsule is a sphere swept along a straight
+//! axis; yarns are chains of them.
 //!
-//! In: a ray and a capsule. Out: the distance at which the ray enters it. The test solves the
-//! quadratic of the infinite cylinder, then the sphere at the nearer end if the cylinder is entered
-//! beyond an end (Ericson 2005, 'Real-Time Collision Detection', section 5.3.7).
+//! In: a ray and a [`Leaf`], up to eight consecutive capsules of one yarn in plain arrays. Out: the
+//! distances at which the ray enters them. The test solves the quadratic of the infinite cylinder,
+//! then the sphere at the nearer end if the cylinder is entered beyond an end (Ericson 2005,
+//! 'Real-Time Collision Detection', section 5.3.7).
 //!
 //! Yarns are hundredths of a millimetre thick and the eye stands metres away. In `f32`, the
 //! quadratic of such a ray would cancel all digits of the radius. So the ray's origin is first
 //! moved beside the capsule. Rays that start inside a capsule do not meet it.
 
-use glam::Vec3A;
+use glam::{Vec3, Vec4};
 
-/// Distance along a ray of unit direction to its entry into the capsule from `a` to `b`; infinite
-/// where it misses.
-pub(super) fn capsule(origin: Vec3A, direction: Vec3A, a: Vec3A, b: Vec3A, radius: f32) -> f32 {
-    // Move the origin beside the capsule. With an origin at 4000 mm, |o|^2 - r^2 would have no
-    // digit left for a radius of 0.03 mm (Haines et al. 2019, 'Precision Improvements for
-    // Ray/Sphere Intersection').
-    let beside = (a.midpoint(b) - origin).dot(direction);
-    let from_a = (origin - a) + direction * beside;
+use super::lanes::{Eight, LANES, Lanes, Lanes3};
+use warpknit_core::ids::index32;
 
-    let ab = b - a;
-    // Early out: most capsules in a leaf of the hierarchy are missed. The distance between the
-    // ray's line and the axis' line is |missed| / |normal|. Comparing its square needs neither a
-    // root nor a division. The factor 1.0001 covers rounding; below 1 + 1e-6 it would reject
-    // grazing hits, and a larger one would only reject fewer misses early.
-    let normal = direction.cross(ab);
-    let missed = from_a.dot(normal);
-    if missed * missed > radius * radius * 1.000_1 * normal.length_squared() {
-        return f32::INFINITY;
-    }
-    let length = ab.length();
-    let axis = if length > 0.0 { ab / length } else { Vec3A::ZERO };
-    let (slope, height) = (direction.dot(axis), from_a.dot(axis));
-    // Components across the axis, in which the cylinder is a circle: |apart + t across| = radius.
-    let (across, apart) = (direction - axis * slope, from_a - axis * height);
-    // The quadratic qa t^2 + 2 qb t + qc = 0, with half of the usual linear coefficient.
-    let (qa, qb, qc) =
-        (across.length_squared(), across.dot(apart), apart.length_squared() - radius * radius);
-    let discriminant = qb * qb - qa * qc;
-    if discriminant < 0.0 {
-        return f32::INFINITY;
-    }
-    // A ray parallel to the axis (qa near 0) can only enter through the end that it meets first.
-    let mut end = if slope > 0.0 { from_a } else { from_a - ab };
-    // `qa` is the squared sine of the angle to the axis. Below about 1e-7, rounding makes the root
-    // meaningless; the end's sphere gives the same entry then.
-    if qa > 1e-7 {
-        let t = (-qb - discriminant.sqrt()) / qa;
-        let entry = height + t * slope;
-        if entry >= 0.0 && entry <= length {
-            return ahead(beside + t);
-        }
-        // The cylinder is entered beyond an end, so only the sphere there can be met.
-        end = if entry < 0.0 { from_a } else { from_a - ab };
-    }
-    ball(end, direction, radius).map_or(f32::INFINITY, |t| ahead(beside + t))
+/// Up to eight consecutive segments of one yarn.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Leaf {
+    /// Coordinates of the points. Each segment ends where the next one starts.
+    points: [[f32; LANES + 1]; 3],
+    radii: [f32; LANES],
+    /// First point of the first segment.
+    pub(super) first: u32,
+    /// Bit i is set if there is an i-th segment.
+    used: u32,
 }
 
-/// Distance to a ball's surface, for a ray whose origin is relative to the ball's centre.
-fn ball(origin: Vec3A, direction: Vec3A, radius: f32) -> Option<f32> {
-    let closest = -origin.dot(direction);
+/// A ray, each of its numbers eight times.
+#[derive(Clone, Copy)]
+pub(super) struct LaneRay<S> {
+    pub(super) simd: S,
+    pub(super) origin: Lanes3<S>,
+    pub(super) direction: Lanes3<S>,
+}
+
+impl<S: Eight> LaneRay<S> {
+    #[inline(always)]
+    pub(super) fn new(simd: S, origin: Vec3, direction: Vec3) -> Self {
+        Self {
+            simd,
+            origin: Lanes3::all(simd, origin.to_array()),
+            direction: Lanes3::all(simd, direction.to_array()),
+        }
+    }
+}
+
+impl Leaf {
+    /// The segments between consecutive points, at most eight. Each has the radius in `w` of its
+    /// first point; `first` is that point's number.
+    pub(super) fn new(points: &[Vec4], first: u32, radius: impl Fn(u32) -> f32) -> Self {
+        let segments = points.len() - 1;
+        let last = points[segments];
+        let at = |index: usize| points.get(index).copied().unwrap_or(last);
+        Self {
+            points: std::array::from_fn(|axis| std::array::from_fn(|index| at(index)[axis])),
+            radii: std::array::from_fn(|lane| {
+                if lane < segments { radius(first + index32(lane)) } else { 0.0 }
+            }),
+            first,
+            used: (1 << segments) - 1,
+        }
+    }
+
+    /// The lanes of segments other than `own` and its two neighbours, as bits.
+    #[inline(always)]
+    pub(super) fn others(&self, own: u32) -> u32 {
+        // Three bits, the middle one at `own`, moved down by one so that none is lost at lane 0.
+        let place = own.wrapping_sub(self.first).wrapping_add(1);
+        if place <= index32(LANES) + 1 { !((0b111 << place) >> 2) } else { u32::MAX }
+    }
+
+    /// Coordinates of the segments' starts and ends.
+    #[inline(always)]
+    fn ends<S: Eight>(&self, simd: S) -> (Lanes3<S>, Lanes3<S>) {
+        let [x, y, z] = &self.points;
+        let start = |values: &[f32; LANES + 1]| {
+            let [a, b, c, d, e, f, g, h, _] = *values;
+            Lanes::new(simd, [a, b, c, d, e, f, g, h])
+        };
+        let end = |values: &[f32; LANES + 1]| {
+            let [_, b, c, d, e, f, g, h, i] = *values;
+            Lanes::new(simd, [b, c, d, e, f, g, h, i])
+        };
+        (
+            Lanes3 { x: start(x), y: start(y), z: start(z) },
+            Lanes3 { x: end(x), y: end(y), z: end(z) },
+        )
+    }
+
+    /// The segments whose infinite cylinders the ray's line meets, as bits, and what
+    /// [`Self::distances`] needs to go on.
+    #[inline(always)]
+    pub(super) fn near<S: Eight>(&self, ray: &LaneRay<S>) -> (u32, Beside<S>) {
+        let simd = ray.simd;
+        let (a, b) = self.ends(simd);
+        // Move the origin beside the capsule. With an origin at 4000 mm, |o|^2 - r^2 would have no
+        // digit left for a radius of 0.03 mm (Haines et al. 2019, 'Precision Improvements for
+        // Ray/Sphere Intersection').
+        let middle = (a + b) * Lanes::all(simd, 0.5);
+        let beside = (middle - ray.origin).dot(ray.direction);
+        let from_a = (ray.origin - a) + ray.direction * beside;
+        let ab = b - a;
+        // Early out: most capsules in a leaf of the hierarchy are missed. The distance between the
+        // ray's line and the axis' line is |missed| / |normal|. Comparing its square needs neither a
+        // root nor a division. The factor 1.0001 covers rounding; below 1 + 1e-6 it would reject
+        // grazing hits, and a larger one would only reject fewer misses early.
+        let normal = ray.direction.cross(ab);
+        let missed = from_a.dot(normal);
+        let radius = Lanes::new(simd, self.radii);
+        let radius2 = radius * radius;
+        let most = radius2 * Lanes::all(simd, 1.000_1) * normal.dot(normal);
+        let near = simd.bits((missed * missed).at_most(most));
+        (near & self.used, Beside { beside, from_a, ab, radius2 })
+    }
+}
+
+/// A ray whose origin is moved beside each capsule of a leaf.
+#[derive(Clone, Copy)]
+pub(super) struct Beside<S> {
+    /// Distance by which the origin was moved.
+    beside: Lanes<S>,
+    /// The moved origin, relative to the capsule's start.
+    from_a: Lanes3<S>,
+    /// The capsule's axis.
+    ab: Lanes3<S>,
+    radius2: Lanes<S>,
+}
+
+impl<S: Eight> Beside<S> {
+    /// Distances along the ray to its entry into the capsules; infinite where it misses.
+    #[inline(always)]
+    pub(super) fn distances(&self, ray: &LaneRay<S>) -> Lanes<S> {
+        let (simd, direction) = (ray.simd, ray.direction);
+        let &Self { beside, from_a, ab, radius2 } = self;
+        let (zero, infinity) = (Lanes::all(simd, 0.0), Lanes::all(simd, f32::INFINITY));
+        let length = ab.dot(ab).sqrt();
+        let per_length = (Lanes::all(simd, 1.0) / length).where_set(zero.less_than(length), zero);
+        let axis = ab * per_length;
+        let (slope, height) = (direction.dot(axis), from_a.dot(axis));
+        // Components across the axis, in which the cylinder is a circle:
+        // |apart + t across| = radius.
+        let (across, apart) = (direction - axis * slope, from_a - axis * height);
+        // The quadratic qa t^2 + 2 qb t + qc = 0, with half of the usual linear coefficient.
+        let (qa, qb) = (across.dot(across), across.dot(apart));
+        let qc = apart.dot(apart) - radius2;
+        let discriminant = qb * qb - qa * qc;
+        let meets = zero.at_most(discriminant);
+        // `qa` is the squared sine of the angle to the axis. Below about 1e-7, rounding makes the
+        // root meaningless; the end's sphere gives the same entry then.
+        let slanted = Lanes::all(simd, 1e-7).less_than(qa);
+        let on_cylinder = (zero - qb - discriminant.max(zero).sqrt()) / qa;
+        let entry = height + on_cylinder * slope;
+        let on_side =
+            simd.and_m32s(slanted, simd.and_m32s(zero.at_most(entry), entry.at_most(length)));
+        // Beyond an end, only the sphere there can be met. A ray parallel to the axis can only
+        // enter through the end that it meets first: its place before the start stands for it.
+        let place = entry.where_set(slanted, zero - slope);
+        let end = from_a.where_set(place.less_than(zero), from_a - ab);
+        let on_end = ball(simd, end, direction, radius2);
+        let distance = beside + on_cylinder.where_set(on_side, on_end);
+        let ahead = simd.and_m32s(meets, zero.at_most(distance));
+        distance.where_set(ahead, infinity)
+    }
+}
+
+/// Distances to balls' surfaces, for a ray whose origin is relative to their centres; infinite where
+/// it misses.
+#[inline(always)]
+fn ball<S: Eight>(simd: S, origin: Lanes3<S>, direction: Lanes3<S>, radius2: Lanes<S>) -> Lanes<S> {
+    let zero = Lanes::all(simd, 0.0);
+    let closest = zero - origin.dot(direction);
     // The squared distance of the line from the centre, computed from the closest point and not as
     // b^2 - c, which cancels.
-    let missed2 = (origin + direction * closest).length_squared();
-    let half2 = radius * radius - missed2;
-    (half2 >= 0.0).then(|| closest - half2.sqrt())
-}
-
-/// The distance if it lies ahead of the origin, else infinity.
-fn ahead(distance: f32) -> f32 {
-    if distance >= 0.0 { distance } else { f32::INFINITY }
+    let missed = origin + direction * closest;
+    let half2 = radius2 - missed.dot(missed);
+    (closest - half2.max(zero).sqrt())
+        .where_set(zero.at_most(half2), Lanes::all(simd, f32::INFINITY))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::raytrace::lanes::{Instructions, Kernel};
     use glam::DVec3;
+    use proptest::prelude::*;
 
-    /// The same by sphere tracing in f64: steps by the distance to the capsule.
+    struct One<'a>(&'a Leaf, Vec3, Vec3);
+
+    impl Kernel for One<'_> {
+        type Output = [f32; LANES];
+
+        #[inline(always)]
+        fn run<S: Eight>(self, simd: S) -> [f32; LANES] {
+            let ray = LaneRay::new(simd, self.1, self.2);
+            let (near, beside) = self.0.near(&ray);
+            let distances = beside.distances(&ray).array();
+            std::array::from_fn(
+                |lane| {
+                    if near >> lane & 1 == 1 { distances[lane] } else { f32::INFINITY }
+                },
+            )
+        }
+    }
+
+    /// Distance to the capsule from `a` to `b`, which is alone in its leaf.
+    fn capsule(origin: Vec3, direction: Vec3, a: Vec3, b: Vec3, radius: f32) -> f32 {
+        let leaf = Leaf::new(&[a.extend(radius), b.extend(0.0)], 0, |_| radius);
+        let [distance, others @ ..] = Instructions::best().run(One(&leaf, origin, direction));
+        assert_eq!(others, [f32::INFINITY; LANES - 1], "absent capsules are never hit");
+        distance
+    }
+
+    /// The same by sphere tracing in f64: steps by the distance to the capsule. Rays that start
+    /// inside miss it.
     fn by_steps(origin: DVec3, direction: DVec3, a: DVec3, b: DVec3, radius: f64) -> f64 {
         let gap = |p: DVec3| {
             let s = ((p - a).dot(b - a) / (b - a).length_squared().max(1e-30)).clamp(0.0, 1.0);
             p.distance(a + (b - a) * s) - radius
         };
+        if gap(origin) < 0.0 {
+            return f64::INFINITY;
+        }
         let mut t = 0.0;
         for _ in 0..2000 {
             let step = gap(origin + direction * t);
@@ -114,7 +253,7 @@ mod tests {
                     + DVec3::new(0.0, f64::from(step % 5) * 0.04, 0.0);
                 let direction = (aim - origin).normalize();
                 let expected = by_steps(origin, direction, a, b, 0.1);
-                let [o, d, p, q] = [origin, direction, a, b].map(|v| Vec3A::from(v.as_vec3()));
+                let [o, d, p, q] = [origin, direction, a, b].map(|v| v.as_vec3());
                 let found = f64::from(capsule(o, d, p, q, 0.1));
                 let grazing = expected.is_infinite() != found.is_infinite();
                 assert!(
@@ -127,26 +266,83 @@ mod tests {
 
     #[test]
     fn rays_along_the_axis_meet_the_end() {
-        let t = capsule(Vec3A::NEG_X, Vec3A::X, Vec3A::ZERO, Vec3A::X, 0.1);
+        let t = capsule(Vec3::NEG_X, Vec3::X, Vec3::ZERO, Vec3::X, 0.1);
         assert!((t - 0.9).abs() < 1e-6);
-        let back = capsule(Vec3A::X * 3.0, Vec3A::NEG_X, Vec3A::ZERO, Vec3A::X, 0.1);
+        let back = capsule(Vec3::X * 3.0, Vec3::NEG_X, Vec3::ZERO, Vec3::X, 0.1);
         assert!((back - 1.9).abs() < 1e-6);
+    }
+
+    #[test]
+    fn rays_from_inside_miss() {
+        for direction in [Vec3::X, Vec3::Y, Vec3::new(0.6, 0.8, 0.0)] {
+            let t = capsule(Vec3::X * 0.5, direction, Vec3::ZERO, Vec3::X, 0.1);
+            assert!(t.is_infinite());
+        }
     }
 
     #[test]
     fn a_thin_yarn_is_hit_exactly_from_metres_away() {
         for offset in [0.0_f32, 0.01, 0.025, 0.0299] {
-            let t =
-                capsule(Vec3A::new(0.2, offset, 4000.0), Vec3A::NEG_Z, Vec3A::ZERO, Vec3A::X, 0.03);
+            let t = capsule(Vec3::new(0.2, offset, 4000.0), Vec3::NEG_Z, Vec3::ZERO, Vec3::X, 0.03);
             let expected = 4000.0 - (0.03_f64.powi(2) - f64::from(offset).powi(2)).sqrt();
             assert!(
                 (f64::from(t) - expected).abs() < 3e-4,
                 "half a unit in the last place of 4000 is 1.2e-4: {t}"
             );
         }
-        assert!(
-            capsule(Vec3A::new(0.2, 0.0301, 4000.0), Vec3A::NEG_Z, Vec3A::ZERO, Vec3A::X, 0.03)
-                .is_infinite()
-        );
+        let beside = Vec3::new(0.2, 0.0301, 4000.0);
+        assert!(capsule(beside, Vec3::NEG_Z, Vec3::ZERO, Vec3::X, 0.03).is_infinite());
+    }
+
+    #[test]
+    fn own_segment_and_its_neighbours_are_left_out() {
+        let points: Vec<Vec4> = (0_u8..9).map(|x| Vec4::new(f32::from(x), 0.0, 0.0, 1.0)).collect();
+        let leaf = Leaf::new(&points, 100, |_| 1.0);
+        for own in 90..120_u32 {
+            for lane in 0..8_u32 {
+                let other = leaf.others(own) >> lane & 1 == 1;
+                assert_eq!(other, (100 + lane).abs_diff(own) > 1, "{own} {lane}");
+            }
+        }
+    }
+
+    /// A coordinate that is often the same in two points.
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![Just(0.0_f32), Just(1.0), -2.0..2.0_f32]
+    }
+
+    fn point() -> impl Strategy<Value = Vec3> {
+        [coordinate(), coordinate(), coordinate()].prop_map(Vec3::from)
+    }
+
+    proptest! {
+        #[test]
+        fn both_sets_of_instructions_give_the_same_bits(
+            points in prop::collection::vec(point(), 2..=9), origin in point(), aim in point(),
+        ) {
+            let points: Vec<Vec4> = points.iter().map(|point| point.extend(0.2)).collect();
+            let leaf = Leaf::new(&points, 0, |start| 0.1 + start as f32 * 0.05);
+            let direction = (aim - origin).normalize_or(Vec3::X);
+            let [best, plain] = [Instructions::best(), Instructions::plain()]
+                .map(|set| set.run(One(&leaf, origin, direction)).map(f32::to_bits));
+            prop_assert_eq!(best, plain);
+        }
+
+        /// Capsules of no length, rays along the axis, grazing ones and origins inside included.
+        #[test]
+        fn any_ray_agrees_with_steps_in_f64(a in point(), b in point(), origin in point(), aim in point()) {
+            let direction = (aim - origin).normalize_or(Vec3::X);
+            let found = f64::from(capsule(origin, direction, a, b, 0.25));
+            let [o, d, p, q] = [origin, direction, a, b].map(|v| v.as_dvec3());
+            // Where a slightly thicker or thinner capsule decides otherwise, rounding may, too.
+            let nearest = by_steps(o, d, p, q, 0.250_01);
+            let farthest = by_steps(o, d, p, q, 0.249_99);
+            prop_assume!(nearest.is_finite() == farthest.is_finite());
+            let expected = by_steps(o, d, p, q, 0.25);
+            let slack = if expected.is_finite() { farthest - nearest + 1e-5 } else { 0.0 };
+            prop_assert!(
+                found == expected || (found - expected).abs() <= slack, "{} {}", found, expected
+            );
+        }
     }
 }

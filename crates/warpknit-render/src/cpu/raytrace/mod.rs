@@ -8,11 +8,15 @@
 //!
 //! Not computed: further bounces of light, and light transmitted through fibres.
 
+mod build;
 mod capsule;
+mod lanes;
 mod ray;
+pub(super) mod rays;
 mod segments;
 mod strip;
 mod trace;
+mod tree;
 
 use std::f32::consts::TAU;
 
@@ -31,6 +35,7 @@ use crate::{Camera, RenderOptions};
 use ray::{CameraRays, Hit, SceneRay};
 use segments::Segments;
 use trace::SegmentBvh;
+use tree::Waiting;
 
 /// Offset of secondary rays' origins above the surface, radii. Too small an offset lets a ray hit
 /// its own surface by rounding ('shadow acne'). Too large a one leaks light at contacts between
@@ -82,14 +87,16 @@ impl<'a> RayTracer<'a> {
     pub(super) fn pixel(&self, [x, y]: [u32; 2], splats: &mut Splats) {
         let spp = self.eye.options.spp.max(1);
         let sampler = Sampler::new(x, y, self.eye.options.seed);
-        let mut shared = None;
+        let (mut shared, mut waiting) = (None, Waiting::new());
         for index in 0..spp {
             let place = sampler.pair(SampleDimension::Pixel, index, spp);
             let ray = self.eye.primary_ray([x, y], place, sampler.random_bits(index));
             splats.add(
                 x,
                 place,
-                ray.map_or(Vec4::ZERO, |ray| self.sample(&ray, index, &sampler, &mut shared)),
+                ray.map_or(Vec4::ZERO, |ray| {
+                    self.sample(&ray, index, &sampler, &mut shared, &mut waiting)
+                }),
             );
         }
     }
@@ -105,14 +112,15 @@ impl<'a> RayTracer<'a> {
         index: u32,
         sampler: &Sampler,
         shared: &mut Option<SkyLight>,
+        waiting: &mut Waiting,
     ) -> Vec4 {
-        let Some(hit) = self.bvh.nearest(ray) else { return Vec4::ZERO };
+        let Some(hit) = self.bvh.nearest(ray, waiting) else { return Vec4::ZERO };
         let here = self.surface_hit(ray, hit);
         let sky = match shared.take() {
             Some(sky) if here.thin => sky,
-            _ => *shared.insert(self.sky_light(&here, sampler, index)),
+            _ => *shared.insert(self.sky_light(&here, sampler, index, waiting)),
         };
-        let light = self.sun_light(&here, sampler, index)
+        let light = self.sun_light(&here, sampler, index, waiting)
             + sky.reflected(&self.rig, &here.surface, here.toward_eye) * here.occlusion;
         opaque_sample(light)
     }
@@ -235,7 +243,13 @@ impl<'a> RayTracer<'a> {
 
     /// The sun's light reflected toward the eye. One random direction within the sun's disc per
     /// sample gives soft shadows.
-    fn sun_light(&self, here: &SurfaceHit, sampler: &Sampler, index: u32) -> Vec3 {
+    fn sun_light(
+        &self,
+        here: &SurfaceHit,
+        sampler: &Sampler,
+        index: u32,
+        waiting: &mut Waiting,
+    ) -> Vec3 {
         let toward = self.rig.sun_sample(sampler.pair(
             SampleDimension::Sun,
             index,
@@ -245,14 +259,24 @@ impl<'a> RayTracer<'a> {
         if here.surface.normal.dot(toward) <= 0.0 || here.smooth_normal.dot(toward) <= 0.0 {
             return Vec3::ZERO;
         }
-        if self.bvh.occluder(&here.secondary_ray(toward, f32::INFINITY), here.start).is_some() {
+        if self
+            .bvh
+            .occluder(&here.secondary_ray(toward, f32::INFINITY), here.start, waiting)
+            .is_some()
+        {
             return Vec3::ZERO;
         }
         sun_reflection(&self.rig, &here.surface, toward, here.toward_eye)
     }
 
     /// Cosine-weighted light from the sky, or from the yarns in front of it.
-    fn sky_light(&self, here: &SurfaceHit, sampler: &Sampler, index: u32) -> SkyLight {
+    fn sky_light(
+        &self,
+        here: &SurfaceHit,
+        sampler: &Sampler,
+        index: u32,
+        waiting: &mut Waiting,
+    ) -> SkyLight {
         let rays = if here.thin { 1 } else { self.eye.options.sky_rays.max(1) };
         let (mut light, mut open) = (Vec3::ZERO, 0);
         for ray in 0..rays {
@@ -271,6 +295,7 @@ impl<'a> RayTracer<'a> {
                 self.bvh.occluder(
                     &here.secondary_ray(toward, here.radius * SKY_REACH_RADII),
                     here.start,
+                    waiting,
                 )
             };
             light += match occluder {

@@ -5,8 +5,8 @@
 //! centre.
 
 use glam::{DVec3, Vec3};
-use obvhs::aabb::Aabb;
 
+use super::build::Box3;
 use crate::cpu::to_f32;
 use crate::{Camera, RenderOptions};
 
@@ -47,7 +47,7 @@ pub(super) struct CameraRays<'a> {
     /// The eye, relative to the scene's centre.
     position: DVec3,
     /// Bounding box of all yarns.
-    bounds: Aabb,
+    bounds: Box3,
 }
 
 impl<'a> CameraRays<'a> {
@@ -56,7 +56,7 @@ impl<'a> CameraRays<'a> {
         camera: &'a Camera,
         options: &'a RenderOptions,
         centre: DVec3,
-        bounds: Aabb,
+        bounds: Box3,
     ) -> Self {
         Self { camera, options, position: camera.eye() - centre, bounds }
     }
@@ -75,7 +75,7 @@ impl<'a> CameraRays<'a> {
         let across = (f64::from(x) + f64::from(place[0])) / f64::from(width) * 2.0 - 1.0;
         let up = 1.0 - (f64::from(y) + f64::from(place[1])) / f64::from(height) * 2.0;
         let direction = self.camera.direction(across, up, self.options.aspect());
-        let Aabb { min, max } = self.bounds;
+        let Box3 { min, max } = self.bounds;
         // Slab test (Kay and Kajiya 1986, 'Ray tracing complex scenes').
         let inverse = direction.recip();
         let (a, b) = (

@@ -7,10 +7,9 @@
 //! so repeated tests agree.
 
 use glam::{Vec3, Vec3A, Vec4};
-use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
-use super::capsule::capsule;
+use super::build::Box3;
 use super::ray::SceneRay;
 use super::strip::{Crossing, RibbonStrip};
 use crate::cpu::sample::unit;
@@ -39,7 +38,7 @@ pub(super) struct Segments<'a> {
     /// Padding of the boxes, mm.
     padding: f32,
     /// Bounding box of all segments.
-    pub(super) bounds: Aabb,
+    pub(super) bounds: Box3,
 }
 
 /// A point on a segment's axis, with the yarn's tangent frame there.
@@ -83,51 +82,39 @@ impl<'a> Segments<'a> {
         let around = paths
             .points
             .par_iter()
-            .map(|&point| Aabb::from_point(Vec3A::from_vec4(point)))
-            .reduce(Aabb::empty, |a, b| a.union(&b));
+            .map(|&point| Box3::of_point(Vec3A::from_vec4(point)))
+            .reduce(|| Box3::EMPTY, Box3::union);
         let thickest = paths.points.par_iter().map(|point| point.w).reduce(|| 0.0, f32::max);
         let padding = around.min.abs().max(around.max.abs()).max_element() * BOX_PADDING;
         let grown = Vec3A::splat(thickest * RADIUS_MARGIN + padding);
-        Self { scene, paths, padding, bounds: Aabb::new(around.min - grown, around.max + grown) }
-    }
-
-    /// Whether a segment starts at this point. The last point of a strand has radius 0.
-    pub(super) fn starts_at(&self, point: u32) -> bool {
-        self.paths.points[point as usize].w > 0.0
+        Self { scene, paths, padding, bounds: around.grown(grown) }
     }
 
     /// Bounding box of the segment that starts at point `start`.
-    pub(super) fn bounding_box(&self, start: u32) -> Aabb {
+    pub(super) fn bounding_box(&self, start: u32) -> Box3 {
         let (a, b) = self.ends(start);
-        // Ends may have different radii: a strip's end has the radius of the next strip.
-        let grown = Vec3A::splat(a.w.max(b.w) * RADIUS_MARGIN + self.padding);
-        let (a, b) = (Vec3A::from_vec4(a), Vec3A::from_vec4(b));
-        Aabb::new(a.min(b) - grown, a.max(b) + grown)
+        Box3::of_point(Vec3A::from_vec4(a))
+            .union(Box3::of_point(Vec3A::from_vec4(b)))
+            .grown(Vec3A::splat(self.outer_radius(start)))
     }
 
-    /// Distance along `ray` to a segment; infinite where the ray misses it. For a ribbon also
-    /// infinite beyond `limit`.
+    /// Radius of a capsule around the segment that starts at point `start`, with a margin. Ends may
+    /// have different radii: a strip's end has the radius of the next strip.
+    pub(super) fn outer_radius(&self, start: u32) -> f32 {
+        let (a, b) = self.ends(start);
+        a.w.max(b.w) * RADIUS_MARGIN + self.padding
+    }
+
+    /// Distance along `ray` to a strip; infinite where the ray misses it or meets it beyond `limit`.
     pub(super) fn distance(&self, start: u32, ray: &SceneRay, limit: f32) -> f32 {
-        let (origin, direction) = (ray.origin.into(), ray.direction.into());
-        match self.scene.shape {
-            Shape::Tube => {
-                let (a, b) = self.ends(start);
-                capsule(origin, direction, Vec3A::from_vec4(a), Vec3A::from_vec4(b), a.w)
+        // The texture lookup comes last, because it costs more than all other tests together.
+        match self.strip(start).crossing(ray.origin.into(), ray.direction.into()) {
+            Some(crossing)
+                if crossing.distance <= limit && self.is_opaque_at(start, &crossing, ray) =>
+            {
+                crossing.distance
             }
-            Shape::Ribbon => {
-                let crossing = self.strip(start).crossing(origin, direction);
-                // The texture lookup comes last, because it costs more than all other tests
-                // together.
-                match crossing {
-                    Some(crossing)
-                        if crossing.distance <= limit
-                            && self.is_opaque_at(start, &crossing, ray) =>
-                    {
-                        crossing.distance
-                    }
-                    _ => f32::INFINITY,
-                }
-            }
+            _ => f32::INFINITY,
         }
     }
 
@@ -233,7 +220,7 @@ mod tests {
 
     fn starts(segments: &Segments) -> Vec<u32> {
         (0..index32(segments.paths.points.len()))
-            .filter(|&point| segments.starts_at(point))
+            .filter(|&point| segments.paths.points[point as usize].w > 0.0)
             .collect()
     }
 

@@ -1,80 +1,48 @@
-//! Bounding volume hierarchy over the segments of yarns.
+//! Rays against the yarns of a scene.
 //!
-//! In: [`Segments`]. Out: the nearest segment along a ray, or any segment that occludes it. The
-//! hierarchy is a compressed wide BVH (Ylitie, Karras and Laine 2017, 'Efficient incoherent ray
-//! traversal on GPUs through compressed wide BVHs') from the crate `obvhs`. Its leaves are short
-//! groups of consecutive segments.
+//! In: [`Segments`]. Out: the nearest segment along a ray, or any segment that occludes it, by way of
+//! the tree in `tree`. Lanes test capsules. Of a ribbon's strips, lanes find those near the ray,
+//! and each of them is tested alone, because its texture decides.
 //!
-//! Memory beside the tree: 4 bytes a group. Results do not depend on the order of traversal.
+//! The tree is our own. The crate `obvhs`, which location uses for triangles, compresses the boxes of
+//! wide nodes to bytes and leaves the leaves to its caller. Yarns gain more from leaves of eight
+//! segments that lanes test together. There are then few nodes, which need no compression.
+//! Twice the time a ray, and six times the time of building, went that way.
 
-use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
-use obvhs::ploc::PlocBuilder;
-use obvhs::ray::{Ray, RayHit};
+use glam::Vec4;
 use rayon::prelude::*;
 
+use super::build::Box3;
+use super::capsule::{LaneRay, Leaf};
+use super::lanes::{Eight, LANES, Lanes};
 use super::ray::{Hit, SceneRay};
 use super::segments::Segments;
+use super::tree::{Shapes, Tree, Waiting};
+use crate::scene::Shape;
 use warpknit_core::ids::index32;
 
-/// Segments per leaf box, by the number of points from which a size is used. Two halve the memory
-/// of the build, and the box around two consecutive segments is hardly looser than two boxes. More
-/// suit scenes where the build takes longer than tracing, and even more suit those that run short
-/// of memory. One wastes memory. Beyond eight, a group winds around a whole loop and its box is
-/// mostly empty.
-const GROUP_SIZES: [(usize, u32); 3] = [(0, 2), (LARGE_SCENE, 4), (8 * LARGE_SCENE, 8)];
-/// Points from which the build takes longer than tracing.
-const LARGE_SCENE: usize = 3_000_000;
-/// Groups per leaf of the tree. A compressed node can hold up to 3, but that traced 3 % slower.
-const MAX_LEAF: u32 = 1;
-
 /// The hierarchy over all segments.
+#[derive(Debug)]
 pub(super) struct SegmentBvh<'a> {
     pub(super) segments: Segments<'a>,
-    /// First points of the groups in the order of the leaves, which saves a lookup for each leaf
-    /// that is met.
-    groups: Vec<u32>,
-    /// Largest number of segments in a group.
-    group_size: u32,
-    bvh: CwBvh,
+    tree: Tree,
 }
 
 impl<'a> SegmentBvh<'a> {
     pub(super) fn new(segments: Segments<'a>) -> Self {
-        let count = segments.paths.points.len();
-        let group_size = GROUP_SIZES
-            .iter()
-            .rev()
-            .find(|(least, _)| count >= *least)
-            .map_or(1, |(_, group_size)| *group_size);
-        let groups = groups(&segments, group_size);
-        let mut bvh = build_bvh(&segments, &groups, group_size);
-        let groups = bvh.primitive_indices.iter().map(|&index| groups[index as usize]).collect();
-        bvh.primitive_indices = Vec::new();
-        Self { segments, groups, group_size, bvh }
+        let cuts = cuts(&segments.paths.points);
+        let (leaves, boxes): (Vec<Leaf>, Vec<Box3>) =
+            cuts.par_iter().map(|cut| (leaf(&segments, cut), leaf_box(&segments, cut))).unzip();
+        drop(cuts);
+        Self { tree: Tree::new(leaves, &boxes), segments }
     }
 
     /// The nearest segment along `ray`.
-    pub(super) fn nearest(&self, ray: &SceneRay) -> Option<Hit> {
-        let mut nearest = Hit { start: 0, distance: ray.reach };
-        self.bvh.ray_traverse(ray.as_obvhs_ray(), &mut RayHit::none(), |_, index| {
-            for start in group_segments(&self.segments, self.groups[index], self.group_size) {
-                let distance = self.segments.distance(start, ray, nearest.distance);
-                // Ties go to the first segment along the yarn. Otherwise the order of traversal
-                // would decide at joints, and with it the picture.
-                if distance < nearest.distance
-                    || (distance == nearest.distance && start < nearest.start)
-                {
-                    nearest = Hit { start, distance };
-                }
-            }
-            // The new upper bound: the traversal skips boxes beyond it.
-            nearest.distance
-        });
-        (nearest.distance < ray.reach).then_some(nearest)
+    pub(super) fn nearest(&self, ray: &SceneRay, waiting: &mut Waiting) -> Option<Hit> {
+        match self.segments.scene.shape {
+            Shape::Tube => self.tree.nearest(ray, &Capsules, waiting),
+            Shape::Ribbon => self.tree.nearest(ray, &self.strips(ray), waiting),
+        }
     }
 
     /// The first point of any segment that blocks the ray within its reach. Segment `own`, where
@@ -82,82 +50,211 @@ impl<'a> SegmentBvh<'a> {
     ///
     /// Segments of one bend overlap at their joints. The smooth curve that they approximate has no
     /// edge there that could cast a shadow.
-    pub(super) fn occluder(&self, ray: &SceneRay, own: u32) -> Option<u32> {
-        let mut occluder = None;
-        self.bvh.ray_traverse_miss(ray.as_obvhs_ray(), |traversal, index| {
-            let group = group_segments(&self.segments, self.groups[index], self.group_size)
-                .filter(|start| start.abs_diff(own) > 1);
-            occluder = group
-                .into_iter()
-                .find(|&start| self.segments.distance(start, ray, traversal.tmax) < traversal.tmax);
-            // The return value is the ray's new reach: 0 ends the traversal at the first occluder.
-            if occluder.is_some() { 0.0 } else { f32::INFINITY }
-        });
-        occluder
-    }
-}
-
-impl SceneRay {
-    /// The ray in the form that the hierarchy takes.
-    fn as_obvhs_ray(&self) -> Ray {
-        Ray::new(self.origin.into(), self.direction.into(), 0.0, self.reach)
-    }
-}
-
-/// Builds the hierarchy over the groups' boxes: PLOC (Meister and Bittner 2018, 'Parallel
-/// locally-ordered clustering for bounding volume hierarchy construction'), then reinsertion of
-/// badly placed nodes, then conversion into wide nodes. These are the stages of obvhs' own build.
-/// Here each stage frees its input before the next one allocates.
-fn build_bvh(segments: &Segments, groups: &[u32], group_size: u32) -> CwBvh {
-    let boxes: Vec<Aabb> =
-        groups.par_iter().map(|&group| group_box(segments, group, group_size)).collect();
-    // A slower build gives a better tree: with 26 000 stitches at 1600 x 1200 pixels, building and
-    // tracing together are 12 % faster. With a million stitches the build dominates, and the fast
-    // one wins.
-    let is_large = segments.paths.points.len() > LARGE_SCENE;
-    let params =
-        if is_large { BvhBuildParams::very_fast_build() } else { BvhBuildParams::medium_build() };
-    let indices = (0..index32(boxes.len())).collect();
-    let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
-        params.ploc_search_distance,
-        &boxes,
-        indices,
-        params.sort_precision,
-        params.search_depth_threshold,
-    );
-    drop(boxes);
-    ReinsertionOptimizer::default().run(&mut binary, params.reinsertion_batch_ratio, None);
-    let mut wide = bvh2_to_cwbvh(&binary, MAX_LEAF, true, false);
-    wide.nodes.shrink_to_fit();
-    wide
-}
-
-/// The bounding box of a group.
-fn group_box(segments: &Segments, group: u32, group_size: u32) -> Aabb {
-    group_segments(segments, group, group_size)
-        .fold(Aabb::empty(), |around, start| around.union(&segments.bounding_box(start)))
-}
-
-/// First points of the groups: every `group_size`th segment of a strand, counted from the strand's
-/// start. A group never spans two strands.
-fn groups(segments: &Segments, group_size: u32) -> Vec<u32> {
-    let count = index32(segments.paths.points.len());
-    let mut groups = Vec::with_capacity(segments.paths.points.len() / group_size as usize + 1);
-    let mut in_row = 0;
-    for point in 0..count {
-        if segments.starts_at(point) {
-            if in_row % group_size == 0 {
-                groups.push(point);
-            }
-            in_row += 1;
-        } else {
-            in_row = 0;
+    pub(super) fn occluder(&self, ray: &SceneRay, own: u32, waiting: &mut Waiting) -> Option<u32> {
+        match self.segments.scene.shape {
+            Shape::Tube => self.tree.occluder(ray, own, &Capsules, waiting),
+            Shape::Ribbon => self.tree.occluder(ray, own, &self.strips(ray), waiting),
         }
     }
-    groups
+
+    fn strips<'r>(&'r self, ray: &'r SceneRay) -> Strips<'r> {
+        Strips { segments: &self.segments, ray }
+    }
 }
 
-/// The segments of the group that starts at point `group`.
-fn group_segments(segments: &Segments, group: u32, group_size: u32) -> impl Iterator<Item = u32> {
-    (group..group + group_size).take_while(|&start| segments.starts_at(start))
+/// Tubes: capsules, tested in lanes.
+struct Capsules;
+
+impl Shapes for Capsules {
+    #[inline(always)]
+    fn distances<S: Eight>(
+        &self,
+        leaf: &Leaf,
+        among: u32,
+        ray: &LaneRay<S>,
+        limit: f32,
+    ) -> (u32, [f32; LANES]) {
+        let (near, beside) = leaf.near(ray);
+        let near = near & among;
+        if near == 0 {
+            return (0, [0.0; LANES]);
+        }
+        let distances = beside.distances(ray);
+        let met = ray.simd.bits(distances.at_most(Lanes::all(ray.simd, limit)));
+        (near & met, distances.array())
+    }
+}
+
+/// Ribbons: strips, tested one by one.
+struct Strips<'a> {
+    segments: &'a Segments<'a>,
+    ray: &'a SceneRay,
+}
+
+impl Shapes for Strips<'_> {
+    #[inline(always)]
+    fn distances<S: Eight>(
+        &self,
+        leaf: &Leaf,
+        among: u32,
+        ray: &LaneRay<S>,
+        limit: f32,
+    ) -> (u32, [f32; LANES]) {
+        let (near, _) = leaf.near(ray);
+        self.crossings(leaf.first, near & among, limit)
+    }
+}
+
+impl Strips<'_> {
+    /// Those of the strips `near` from `first` on that the ray crosses at most `limit` away.
+    #[inline(never)]
+    fn crossings(&self, first: u32, mut near: u32, mut limit: f32) -> (u32, [f32; LANES]) {
+        let (mut met, mut distances) = (0, [f32::INFINITY; LANES]);
+        while near != 0 {
+            let lane = near.trailing_zeros();
+            near &= near - 1;
+            let distance = self.segments.distance(first + lane, self.ray, limit);
+            if distance <= limit {
+                limit = distance;
+                met |= 1 << lane;
+                distances[lane as usize] = distance;
+            }
+        }
+        (met, distances)
+    }
+}
+
+/// Consecutive segments of one yarn: the first one's first point, and their number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cut {
+    first: u32,
+    segments: u32,
+}
+
+/// Cuts yarns into leaves: pieces of at most eight segments, as equal as can be. Shorter pieces
+/// have tighter boxes, but lanes would stay empty and nodes would be more.
+fn cuts(points: &[Vec4]) -> Vec<Cut> {
+    let mut cuts = Vec::with_capacity(points.len() / LANES + 1);
+    let mut first = 0;
+    for (end, _) in (0_u32..).zip(points).filter(|(_, point)| point.w <= 0.0) {
+        while first < end {
+            let left = end - first;
+            let segments = left.div_ceil(left.div_ceil(index32(LANES)));
+            cuts.push(Cut { first, segments });
+            first += segments;
+        }
+        first = end + 1;
+    }
+    cuts
+}
+
+/// The leaf of a cut. A strip lies within the capsule around its axis, whose radius is the larger
+/// one of its ends.
+fn leaf(segments: &Segments, cut: &Cut) -> Leaf {
+    let points = &segments.paths.points;
+    let end = cut.first as usize + cut.segments as usize;
+    Leaf::new(&points[cut.first as usize..=end], cut.first, |start| match segments.scene.shape {
+        Shape::Tube => points[start as usize].w,
+        Shape::Ribbon => segments.outer_radius(start),
+    })
+}
+
+/// The bounding box of a cut.
+fn leaf_box(segments: &Segments, cut: &Cut) -> Box3 {
+    (cut.first..cut.first + cut.segments)
+        .fold(Box3::EMPTY, |around, start| around.union(segments.bounding_box(start)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::raytrace::tree::Waiting;
+    use crate::scene::{Scene, YarnLook};
+    use crate::{Camera, RenderOptions, View};
+    use glam::Vec3;
+    use proptest::prelude::*;
+
+    fn scene(strands: &[Vec<Vec3>]) -> Scene {
+        let mut scene = Scene::default();
+        scene.looks.push(YarnLook::plain(Vec3::ONE, 0.5, 0.1));
+        strands.iter().for_each(|points| scene.push_strand(points.iter().copied(), 0));
+        scene
+    }
+
+    /// The yarns of `scene` as straight pieces.
+    fn bvh(scene: &Scene) -> SegmentBvh<'_> {
+        let bounds = scene.bounds().unwrap();
+        let camera = Camera::view(View::Front, &scene.positions, 0.5, 1.0, 1.0);
+        let options = RenderOptions { height: 64, lod: false, ..RenderOptions::default() };
+        SegmentBvh::new(Segments::new(scene, &bounds, &camera, &options))
+    }
+
+    /// A tree whose only leaf is this one, which finds what is in it without looking at boxes.
+    fn alone(bvh: &SegmentBvh<'_>, cut: &Cut) -> Tree {
+        let everywhere = Box3::of_point(glam::Vec3A::ZERO).grown(glam::Vec3A::splat(1e9));
+        Tree::new(vec![leaf(&bvh.segments, cut)], &[everywhere])
+    }
+
+    /// The nearest hit, from all leaves in turn.
+    fn by_all(trees: &[Tree], ray: &SceneRay) -> Option<Hit> {
+        trees
+            .iter()
+            .filter_map(|tree| tree.nearest(ray, &Capsules, &mut Waiting::new()))
+            .min_by(|a, b| a.distance.total_cmp(&b.distance).then(a.start.cmp(&b.start)))
+    }
+
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![Just(0.0_f32), Just(0.5), -2.0..2.0_f32]
+    }
+
+    fn point() -> impl Strategy<Value = Vec3> {
+        [coordinate(), coordinate(), coordinate()].prop_map(Vec3::from)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+        /// Points that coincide, rays along axes and from inside yarns included.
+        #[test]
+        fn the_tree_finds_what_all_leaves_in_turn_do(
+            strands in prop::collection::vec(prop::collection::vec(point(), 1..30), 1..12),
+            rays in prop::collection::vec((point(), point(), prop_oneof![Just(f32::INFINITY), 0.1..4.0_f32]), 40),
+        ) {
+            let scene = scene(&strands);
+            let bvh = bvh(&scene);
+            let trees: Vec<Tree> =
+                cuts(&bvh.segments.paths.points).iter().map(|cut| alone(&bvh, cut)).collect();
+            let mut waiting = Waiting::new();
+            for (origin, aim, reach) in rays {
+                let direction = (aim - origin).normalize_or(Vec3::Z);
+                let ray = SceneRay { origin, direction, reach, footprint: 0.01, random_bits: 0 };
+                let hit = bvh.nearest(&ray, &mut waiting);
+                prop_assert_eq!(hit, by_all(&trees, &ray));
+                let unowned = bvh.occluder(&ray, u32::MAX / 2, &mut waiting);
+                prop_assert_eq!(hit.is_some(), unowned.is_some());
+                for own in [0, 3] {
+                    let occluder = bvh.occluder(&ray, own, &mut waiting);
+                    let blocks = |tree: &Tree| {
+                        tree.occluder(&ray, own, &Capsules, &mut Waiting::new()).is_some()
+                    };
+                    prop_assert_eq!(occluder.is_some(), trees.iter().any(blocks));
+                    prop_assert!(occluder.is_none_or(|start| start.abs_diff(own) > 1));
+                }
+            }
+        }
+
+        #[test]
+        fn cuts_hold_each_segment_once(lengths in prop::collection::vec(0_usize..40, 0..20)) {
+            let points: Vec<Vec4> = lengths
+                .iter()
+                .flat_map(|&length| (0..=length).map(move |i| Vec4::splat(if i < length { 1.0 } else { 0.0 })))
+                .collect();
+            let starts = |cut: &Cut| cut.first..cut.first + cut.segments;
+            let held: Vec<u32> = cuts(&points).iter().flat_map(starts).collect();
+            let segments: Vec<u32> =
+                (0..).zip(&points).filter(|(_, point)| point.w > 0.0).map(|(start, _)| start).collect();
+            prop_assert_eq!(held, segments);
+            prop_assert!(cuts(&points).iter().all(|cut| cut.segments <= 8));
+        }
+    }
 }

@@ -1,0 +1,48 @@
+#version 300 es
+// The light on a yarn. Lambert's law around a lamp over the viewer's shoulder, a highlight along the fibres
+// (Kajiya and Kay 1989) and their sheen at grazing angles. Self-occlusion is not traced: a place is darker the
+// deeper it lies in the cloth's thickness, seen from the side that faces the eye, and at the flanks of yarns.
+precision highp float;
+
+uniform vec3 color, lamp, sky;        // linear; directions
+uniform vec2 heights;                 // mm of depth at the back and the face of the cloth
+uniform float radius;
+uniform int sides;
+uniform vec3 lens;                    // middle and radius of the loupe, pixels; 0 where there is none
+
+in vec3 sight, side, front, along, cloth;
+in float across, height, gone, size, around, phase;
+out vec4 result;
+
+void main() {
+  if (gone > 0. || lens.z > 0. && distance(gl_FragCoord.xy, lens.xy) > lens.z) discard;
+  if (sides == 0) {                   // the ground of the loupe
+    result = vec4(0);
+    return;
+  }
+  vec3 v = -normalize(sight), c = normalize(cloth), f = normalize(along);
+  vec3 n = sides == 2 ? normalize(across * side + sqrt(max(0., 1. - across * across)) * front) : normalize(side);
+  float facing = dot(c, v) < 0. ? -1. : 1.;
+  float depth = (height + radius * dot(n, c) - heights.x) / (heights.y - heights.x);
+  if (facing < 0.) depth = 1. - depth;
+  // From afar a pixel shows many yarns: their mean is lit like the cloth.
+  float near = smoothstep(.25, 1.1, size);
+  vec3 lit = normalize(mix(facing * c, n, .3 + .7 * near));
+
+  float open = mix(.22, 1., smoothstep(.05, .95, depth));
+  open *= mix(1., .62 + .38 * smoothstep(0., .75, dot(n, v)), near);
+  float key = max(0., (dot(lit, lamp) + .18) / 1.18);
+  float dome = .5 + .5 * dot(lit, sky);
+  vec3 h = normalize(lamp + v);
+  float fibre = dot(f, h), shine = pow(max(0., 1. - fibre * fibre), 24.) * max(0., dot(n, h));
+  float sheen = pow(1. - max(0., dot(n, v)), 3.);
+  // Two plies, and the filaments in them, show once a yarn is some pixels wide.
+  float turn = sides == 2 ? 1.5708 + asin(clamp(across, -1., 1.)) : around;
+  float ply = sin(2. * turn + phase) * smoothstep(1.5, 4., size), filament = sin(15. * turn + 6. * phase) * smoothstep(5., 12., size);
+  open *= 1. - .16 * pow(.5 - .5 * ply, 2.) * step(1.5, size);
+  vec3 light = color * (1. + .05 * filament) * open * (.92 * key + .34 * dome)
+    + open * (color * .22 * sheen * dome + vec3(.10) * shine * near * key);
+  // A soft shoulder keeps white yarns from running out, then the display's transfer curve.
+  light = light / (1. + .18 * max(light.r, max(light.g, light.b)));
+  result = vec4(pow(light, vec3(1. / 2.2)), 1.);
+}

@@ -1,0 +1,126 @@
+//! What a page says in words and numbers of the fabric that it shows.
+//!
+//! In: a fabric. Out: [`Facts`]: its densities, mass and thickness, and what each of its bars,
+//! feeders or strands is made of. The numbers are those of the real cloth
+//! ([`warpknit_core::knit::numbers`]), also where it is drawn larger.
+
+use warpknit_core::fabric::{Fabric, Structure};
+use warpknit_core::knit::Pattern;
+use warpknit_core::knit::numbers::{self, Numbers};
+
+/// Characters of a lapping that a page shows. Patterned nets have chains of a thousand.
+const LAPPING: usize = 120;
+
+/// What a page says of a fabric.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Facts {
+    /// One line about it.
+    pub about: String,
+    /// Of each bar, feeder or strand, front first.
+    pub systems: Vec<SystemFacts>,
+    /// Label and value, in the order in which they are shown.
+    pub cloth: Vec<(&'static str, String)>,
+}
+
+/// What a page says of a yarn system.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SystemFacts {
+    /// Such as `Bar 1`.
+    pub name: String,
+    /// Such as its lapping and its yarn count.
+    pub facts: Vec<String>,
+}
+
+impl Facts {
+    /// Measures the fabric, which knits one repeat of it at its true scale.
+    #[must_use]
+    pub fn measured(fabric: &Fabric) -> Self {
+        let real = Fabric { enlargement: 1.0, ..fabric.clone() };
+        Self::new(&real, &numbers::measure(&real, &Pattern::new(&real)), 1.0)
+    }
+
+    /// The facts of a fabric whose numbers are known, and whose loops are drawn so many times as
+    /// large as they are.
+    ///
+    /// ```
+    /// use warpknit_core::{fabric::Fabric, knit::{Pattern, numbers}};
+    /// use warpknit_export::Facts;
+    /// let tricot = Fabric::named("tricot")?;
+    /// let facts = Facts::new(&tricot, &numbers::measure(&tricot, &Pattern::new(&tricot)), 1.0);
+    /// assert_eq!(facts.systems[0].name, "Bar 1");
+    /// assert!(facts.cloth.iter().any(|(label, _)| *label == "Mass"));
+    /// # Ok::<(), warpknit_core::fabric::FabricError>(())
+    /// ```
+    #[must_use]
+    pub fn new(fabric: &Fabric, numbers: &Numbers, drawn: f64) -> Self {
+        let mut cloth = vec![
+            ("Wales", format!("{} /cm", rounded(fabric.wales_per_cm))),
+            ("Courses", format!("{} /cm", rounded(fabric.courses_per_cm))),
+            ("Mass", format!("{:.0} g/m²", numbers.mass)),
+            ("Thickness", format!("{:.2} mm", numbers.thickness)),
+            ("Cover", format!("{:.0} %", 100.0 * numbers.cover)),
+            ("Yarn", format!("{} m/m²", rounded(numbers.yarn_length))),
+        ];
+        if (drawn - 1.0).abs() > 0.005 {
+            cloth.push(("Loops drawn", format!("{drawn:.1} × true size")));
+        }
+        let kind = match fabric.structure {
+            Structure::Warp(_) => "Bar",
+            Structure::Weft(_) => "Feeder",
+            Structure::Laid(_) => "Strand",
+        };
+        let systems = (0..fabric.yarn_systems()).map(|system| {
+            let run_in = numbers.run_in.get(system).copied().flatten();
+            let run_in = run_in.map(|run_in| format!("run-in {run_in:.0} mm/rack"));
+            let own = [shortened(fabric.lapping(system)), fabric.yarn(system).count.to_string()];
+            let facts = own.into_iter().chain(run_in).collect();
+            SystemFacts { name: format!("{kind} {}", system + 1), facts }
+        });
+        Self { about: fabric.about.clone(), systems: systems.collect(), cloth }
+    }
+}
+
+/// A number with three digits or more, and no zeros behind its point.
+fn rounded(number: f64) -> String {
+    let digits = if number < 100.0 { 1 } else { 0 };
+    let text = format!("{number:.digits$}");
+    text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
+}
+
+/// A chain, cut where it is too long to be read. Chains are ASCII.
+fn shortened(mut chain: String) -> String {
+    if chain.len() > LAPPING {
+        chain.truncate(LAPPING);
+        chain.push('…');
+    }
+    chain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_has_the_numbers_of_a_fabric_and_of_its_bars() {
+        let fabric = Fabric::named("locknit").unwrap();
+        let numbers = numbers::measure(&fabric, &Pattern::new(&fabric));
+        let facts = Facts::new(&fabric, &numbers, 2.0);
+        assert_eq!(facts.cloth[0], ("Wales", format!("{} /cm", rounded(fabric.wales_per_cm))));
+        assert_eq!(facts.cloth.last(), Some(&("Loops drawn", "2.0 × true size".to_owned())));
+        let run_in = format!("run-in {:.0} mm/rack", numbers.run_in[1].unwrap());
+        assert_eq!(facts.systems[1].facts[2], run_in);
+        assert_eq!(facts.systems[1].facts[0], fabric.lapping(1));
+        // Weft yarns have no run-in, and laid ones are strands.
+        let jersey = Facts::measured(&Fabric::named("jersey").unwrap());
+        assert_eq!(
+            (jersey.systems[0].name.as_str(), jersey.systems[0].facts.len()),
+            ("Feeder 1", 2)
+        );
+        assert!(jersey.cloth.iter().all(|(label, _)| *label != "Loops drawn"));
+    }
+
+    #[test]
+    fn a_number_has_no_needless_digits() {
+        assert_eq!([15.0, 21.96, 1234.4].map(rounded), ["15", "22", "1234"]);
+    }
+}

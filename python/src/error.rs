@@ -1,0 +1,80 @@
+//! The library's errors as Python exceptions, with the texts that the command prints.
+//!
+//! In: an error of the library. Out: `GarmentError` or `FabricError`, both of them `ValueError`s;
+//! `OSError` where a file can't be written, `MemoryError` where cloth doesn't fit, and `ValueError`
+//! for the rest.
+
+use std::error::Error;
+use std::io;
+
+use pyo3::create_exception;
+use pyo3::exceptions::{PyMemoryError, PyValueError};
+use pyo3::prelude::*;
+use warpknit::export::ExportError;
+use warpknit::pipeline::RunError;
+use warpknit::{fabric, garment};
+
+create_exception!(
+    warpknit,
+    GarmentError,
+    PyValueError,
+    "A garment that can't be read or knitted. Its text names the file, the line and what to do."
+);
+create_exception!(
+    warpknit,
+    FabricError,
+    PyValueError,
+    "A fabric that can't be read or knitted. Its text names the file, the line and what to do."
+);
+
+/// An error and its causes in one line, as the command prints them.
+pub(crate) fn line(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        text = format!("{text}: {cause}");
+        next = cause.source();
+    }
+    text
+}
+
+/// The exception for an error of a garment.
+pub(crate) fn of_garment(error: &garment::GarmentError) -> PyErr {
+    GarmentError::new_err(line(error))
+}
+
+/// The exception for an error in a fabric. `file` is the fabric file, if it is of one.
+pub(crate) fn of_fabric(error: &fabric::FabricError, file: Option<&str>) -> PyErr {
+    FabricError::new_err(match (file, &error.place) {
+        (Some(file), Some(place)) => format!("{file}:{}: {error}", place.line),
+        (Some(file), None) => format!("{file}: {error}"),
+        (None, _) => error.to_string(),
+    })
+}
+
+/// The exception for an error of a run.
+pub(crate) fn of_run(error: &RunError) -> PyErr {
+    let text = line(error);
+    match error {
+        RunError::Garment(_) | RunError::NoYarn | RunError::TooLargeGarment { .. } => {
+            GarmentError::new_err(text)
+        }
+        RunError::Fabric(_)
+        | RunError::RunIn(_)
+        | RunError::Layout { .. }
+        | RunError::Enlarged { .. }
+        | RunError::Maps(_)
+        | RunError::MapsOfBar { .. } => FabricError::new_err(text),
+        RunError::Export(error) => of_export(error),
+        RunError::NoMemory { .. } => PyMemoryError::new_err(text),
+        _ => PyValueError::new_err(text),
+    }
+}
+
+/// The exception for an error of writing.
+pub(crate) fn of_export(error: &ExportError) -> PyErr {
+    match error {
+        ExportError::Io { source, .. } => io::Error::new(source.kind(), line(error)).into(),
+        _ => PyValueError::new_err(line(error)),
+    }
+}

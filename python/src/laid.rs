@@ -1,0 +1,102 @@
+//! The yarns of a cloth as flat arrays.
+//!
+//! In: blocks as `warpknit::drape::run` delivers them, whose memory is used again. Out: [`Laid`], a
+//! row a point and a row a strand, as numpy takes them. Cost: 88 bytes a point.
+
+use glam::DVec3;
+use warpknit::drape::strands::{CUT, Strand};
+use warpknit::drape::{Block, Cloth, DrapeOptions, Totals, run};
+use warpknit::ids::index32;
+use warpknit::knit::Tag;
+
+/// The arrays of all yarns.
+#[derive(Default)]
+pub(crate) struct Laid {
+    /// A row a point, mm: on the body.
+    pub(crate) points: Vec<f64>,
+    /// Unit normals of the cloth under each point.
+    pub(crate) normals: Vec<f64>,
+    /// On the panel: across the wales, along them, and out of the technical face.
+    pub(crate) flat: Vec<f64>,
+    pub(crate) course: Vec<i32>,
+    pub(crate) wale: Vec<i32>,
+    /// Where the points of each strand begin, and at the end where the last one's end.
+    pub(crate) offsets: Vec<i64>,
+    /// A row a strand.
+    pub(crate) yarn: Vec<i32>,
+    pub(crate) panel: Vec<i32>,
+    pub(crate) bar: Vec<i32>,
+    /// The first point of each stitch, counted from the strand's first.
+    pub(crate) stitches: Vec<u32>,
+    /// Where the stitches of each strand begin in `stitches`.
+    pub(crate) first_stitches: Vec<usize>,
+}
+
+/// Knits and maps a cloth, and gathers its yarns.
+///
+/// # Errors
+/// What `look` says: it is called between blocks.
+pub(crate) fn lay<E>(
+    cloth: &Cloth<'_>,
+    options: &DrapeOptions,
+    look: &dyn Fn() -> Result<(), E>,
+) -> Result<(Laid, Totals), E> {
+    let mut laid = Laid { offsets: vec![0], first_stitches: vec![0], ..Laid::default() };
+    let totals = run(cloth, options, &mut |_, _| {}, &mut |blocks| {
+        look()?;
+        blocks.iter().for_each(|block| laid.add(block));
+        Ok(())
+    })?;
+    Ok((laid, totals))
+}
+
+impl Laid {
+    fn add(&mut self, block: &Block) {
+        if block.origin == DVec3::ZERO {
+            self.points.extend_from_slice(bytemuck::cast_slice(&block.draped.positions));
+        } else {
+            let places = block.draped.positions.iter();
+            self.points.extend(places.flat_map(|place| (*place + block.origin).to_array()));
+        }
+        self.normals.extend_from_slice(bytemuck::cast_slice(&block.draped.normals));
+        self.flat.extend_from_slice(bytemuck::cast_slice(&block.strands.flat));
+        for strand in &block.strands.strands {
+            self.add_strand(block, strand);
+        }
+    }
+
+    fn add_strand(&mut self, block: &Block, strand: &Strand) {
+        let sources = &block.strands.sources[strand.range()];
+        let tag = |source: &u32| block.knitted.tags.get(*source as usize);
+        // An end that the panel's edge cut lies between two data points: it counts as the one that
+        // is left.
+        let first = sources.iter().find(|source| **source != CUT).and_then(tag);
+        let mut last = first.map_or((0, 0), place);
+        for source in sources {
+            last = tag(source).map_or(last, place);
+            self.course.push(last.0);
+            self.wale.push(last.1);
+        }
+        self.offsets.push(index64(self.course.len()));
+        self.yarn.push(index(strand.yarn.0 as usize));
+        self.panel.push(index(block.panel));
+        self.bar.push(index(block.bar));
+        let pieces = block.strands.pieces_of(strand);
+        self.stitches.extend(pieces.map(|piece| index32(piece.start)));
+        self.first_stitches.push(self.stitches.len());
+    }
+}
+
+fn place(tag: &Tag) -> (i32, i32) {
+    (tag.course, tag.wale)
+}
+
+/// A number of things, of which there are far fewer than two thousand million.
+fn index(number: usize) -> i32 {
+    i32::try_from(number).unwrap_or(i32::MAX)
+}
+
+/// A number of things in memory.
+pub(crate) fn index64(number: usize) -> i64 {
+    i64::try_from(number).unwrap_or(i64::MAX)
+}

@@ -1,0 +1,190 @@
+//! `warpknit.drape` and `warpknit.swatch`.
+//!
+//! In: a garment and a fabric, or a fabric and a size. Out: `Yarns`. Densities, limits and the cache
+//! of strained repeats are those of the command.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use warpknit::drape::{Cloth, DrapeOptions, swatch_panel};
+use warpknit::garment::Panel;
+use warpknit::map::Mapping;
+use warpknit::pipeline::{
+    self, Densities, Enlarge, Placement, RunError, Settings, Source, StrainCache, cache_folder,
+};
+use warpknit::{fabric, garment};
+
+use crate::error;
+use crate::fabric::{Fabric, warn};
+use crate::garment::Garment;
+use crate::laid::{Laid, lay};
+use crate::names;
+use crate::yarns::{Origin, Yarns};
+
+/// Memory of a stitch in the arrays, GB: some nine points of 88 bytes.
+const STITCH_GB: f64 = 800e-9;
+/// The largest swatch each way.
+const MOST_SWATCH: u32 = 1000;
+
+/// An error in the work, or an interrupt of the user.
+enum Fault {
+    Run(RunError),
+    Python(PyErr),
+}
+
+impl From<RunError> for Fault {
+    fn from(error: RunError) -> Self {
+        Self::Run(error)
+    }
+}
+
+impl From<Fault> for PyErr {
+    fn from(fault: Fault) -> Self {
+        match fault {
+            Fault::Run(error) => error::of_run(&error),
+            Fault::Python(error) => error,
+        }
+    }
+}
+
+/// Knits a fabric onto a garment, and returns its yarns.
+///
+/// wales_per_cm, courses_per_cm: densities of the cloth. One alone scales the other. Without both
+///     the cloth is enlarged, yarns and all, until about 12 000 stitches remain, as in the files of
+///     the command.
+/// mapping: "relaxed" keeps the lengths of yarns; "smooth" takes depths along smooth normals;
+///     "frame" is the affine map of the source paper.
+/// enlarge: so many times as large as true; 1 is true gauge.
+/// edge: "clip" cuts yarns at the panels' edges; "drop" leaves out stitches that cross them.
+/// sweeps: whether yarns that cut each other on the body are moved apart, with "relaxed". By default
+///     up to a million stitches.
+///
+/// Raises GarmentError or FabricError; MemoryError where the arrays don't fit.
+#[pyfunction]
+#[pyo3(signature = (garment, fabric, wales_per_cm=None, mapping="relaxed", *, courses_per_cm=None,
+                    enlarge=None, edge="clip", sweeps=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub(crate) fn drape(
+    py: Python<'_>,
+    garment: &Garment,
+    fabric: &Fabric,
+    wales_per_cm: Option<f64>,
+    mapping: &str,
+    courses_per_cm: Option<f64>,
+    enlarge: Option<f64>,
+    edge: &str,
+    sweeps: Option<bool>,
+) -> PyResult<Yarns> {
+    let placement =
+        Placement { mapping: names::mapping(mapping)?, sweeps, edge: names::edge(edge)? };
+    let densities = Densities { wales_per_cm, courses_per_cm };
+    if densities.are_chosen() && enlarge.is_some() {
+        return Err(PyValueError::new_err(
+            "give either densities or enlarge: both say how large the stitches are",
+        ));
+    }
+    let settings = Settings {
+        densities,
+        enlarge: Some(enlarge.map_or(Enlarge::Auto, Enlarge::Times)),
+        placement,
+        cache: cache_folder(),
+        ..Settings::default()
+    };
+    let named = densities.of_fabric(fabric.fabric.clone());
+    let named = named.map_err(|error| error::of_fabric(&error, None))?;
+    let work = || laid(&garment.garment, &named, &settings);
+    let (draped, shown, laid, notes) = py.detach(work)?;
+    for note in notes {
+        warn(py, &note)?;
+    }
+    let source = source(&named, garment.inputs.clone());
+    Yarns::new(py, Origin::Garment(draped), (named, shown), settings, source, laid)
+}
+
+/// What a drape makes: the garment with its panels turned, the fabric as it is drawn, the yarns, and
+/// warnings.
+type Drape = (Arc<garment::Garment>, fabric::Fabric, Laid, Vec<String>);
+
+/// Lays a fabric of chosen densities on a garment.
+fn laid(
+    garment: &Arc<garment::Garment>,
+    fabric: &fabric::Fabric,
+    settings: &Settings,
+) -> Result<Drape, Fault> {
+    pipeline::check_placement(settings.placement)?;
+    let mut garment = Arc::clone(garment);
+    let whole = Arc::clone(&garment);
+    if !fabric.panels.is_empty() {
+        pipeline::turn_grains(Arc::make_mut(&mut garment), fabric);
+    }
+    let area = garment.panels.iter().map(Panel::area).sum();
+    let shown = match settings.enlarge {
+        Some(enlarge) if !settings.densities.are_chosen() => enlarge.of_fabric(fabric, area)?,
+        _ => fabric.clone(),
+    };
+    pipeline::drawn_radius(&shown, None)?;
+    let cloth = Cloth::cover(&garment, &shown)
+        .map_err(|source| RunError::Layout { fabric: fabric.name.clone(), source })?;
+    check_size(cloth.stitches())?;
+    let options = DrapeOptions::from(settings.placement);
+    let wants_strain = options.mapping == Mapping::Relaxed;
+    let cache = StrainCache::open(settings.cache.as_deref().filter(|_| wants_strain), &cloth);
+    let (laid, totals) = lay(&cloth, &options, &interrupted)?;
+    cache.keep(&cloth);
+    pipeline::check_laid(&totals)?;
+    let notes = pipeline::loss_warning(&totals).into_iter().collect();
+    drop(cloth);
+    // Files are made from the garment as it was read: a run turns the panels itself.
+    Ok((whole, shown, laid, notes))
+}
+
+/// Knits a flat piece of fabric, wales yarns a bar and courses courses.
+///
+/// Its `report` has the numbers of the cloth: run-in, g/m², thickness and others.
+///
+/// Raises FabricError.
+#[pyfunction]
+#[pyo3(signature = (fabric, wales=14, courses=16))]
+pub(crate) fn swatch(py: Python<'_>, fabric: &Fabric, wales: u32, courses: u32) -> PyResult<Yarns> {
+    for (name, number) in [("wales", wales), ("courses", courses)] {
+        if !(1..=MOST_SWATCH).contains(&number) {
+            return Err(PyValueError::new_err(format!(
+                "{name} is {number}, but must be between 1 and {MOST_SWATCH}"
+            )));
+        }
+    }
+    let fabric = &fabric.fabric;
+    let laid = py.detach(|| -> Result<Laid, Fault> {
+        let panel = swatch_panel(fabric, wales, courses);
+        let cloth = Cloth::swatch(&panel, fabric, wales, courses);
+        check_size(cloth.stitches())?;
+        // A swatch is its own drape, so no strain has to be looked up.
+        let options = DrapeOptions { mapping: Mapping::Smooth, ..DrapeOptions::default() };
+        Ok(lay(&cloth, &options, &interrupted)?.0)
+    })?;
+    let fabrics = (fabric.clone(), fabric.clone());
+    let source = source(fabric, Vec::new());
+    Yarns::new(py, Origin::Swatch([wales, courses]), fabrics, Settings::default(), source, laid)
+}
+
+/// The origin of a run's cloth, for messages.
+fn source(fabric: &fabric::Fabric, inputs: Vec<PathBuf>) -> Source {
+    Source { fabric: fabric.name.clone(), inputs, stem: PathBuf::from("yarns") }
+}
+
+/// Refuses cloth whose arrays don't fit.
+fn check_size(stitches: u64) -> Result<(), RunError> {
+    pipeline::check_stitches(stitches)?;
+    #[expect(clippy::cast_precision_loss, reason = "an estimate of two digits")]
+    let needed = stitches as f64 * STITCH_GB;
+    let remedy =
+        "lower wales_per_cm, raise enlarge, or use the command, which writes block by block";
+    pipeline::check_memory("an array of yarns", stitches, needed, remedy)
+}
+
+/// Whether the user has pressed Ctrl-C.
+fn interrupted() -> Result<(), Fault> {
+    Python::attach(|py| py.check_signals()).map_err(Fault::Python)
+}

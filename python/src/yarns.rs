@@ -1,0 +1,544 @@
+//! `warpknit.Yarns`: what a drape or a swatch makes.
+//!
+//! In: the arrays of [`Laid`]. Out: numpy arrays over the same memory, tubes, pictures, files and
+//! the report. Tubes and pictures are made from the arrays. Files and the report are made by a run
+//! of `warpknit::pipeline` with the same settings, so that they are those of the command, byte for
+//! byte; that run knits again.
+
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+use glam::{DVec3, Vec3};
+use image::RgbaImage;
+use numpy::{IntoPyArray, PyArray, PyArray1, PyArrayMethods, PyReadonlyArray2};
+use pyo3::IntoPyObjectExt;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyTuple};
+use warpknit::export::{Format, default_section, png};
+use warpknit::pipeline::{self, Clock, RunError, Settings, Source, Textures};
+use warpknit::render::scene::{Scene, Shape};
+use warpknit::render::{self, Background, Camera, RenderOptions};
+use warpknit::yarn::tube::{MAX_ST, SR, Section, Tubes};
+use warpknit::{fabric, garment};
+
+use crate::error;
+use crate::laid::{Laid, index64};
+use crate::names;
+
+/// The largest picture each way, pixels.
+const MOST_PIXELS: u32 = 16_384;
+
+/// What yarns were laid on.
+pub(crate) enum Origin {
+    /// A garment, as it was read.
+    Garment(Arc<garment::Garment>),
+    /// A flat piece of so many wales and courses.
+    Swatch([u32; 2]),
+}
+
+/// The yarns of a cloth. `points` has a row for each point, and `offsets` says where strands begin:
+/// strand i is points[offsets[i]:offsets[i + 1]]. A strand is an uninterrupted run of yarn.
+///
+/// Arrays are made once and can't be written to: yarns.points is yarns.points.
+#[pyclass(frozen, module = "warpknit")]
+pub(crate) struct Yarns {
+    origin: Origin,
+    /// The fabric at the chosen densities, and as it is drawn.
+    fabric: fabric::Fabric,
+    shown: fabric::Fabric,
+    settings: Settings,
+    source: Source,
+    points: Py<PyArray<f64, numpy::Ix2>>,
+    normals: Py<PyArray<f64, numpy::Ix2>>,
+    flat: Py<PyArray<f64, numpy::Ix2>>,
+    course: Py<PyArray1<i32>>,
+    wale: Py<PyArray1<i32>>,
+    offsets: Py<PyArray1<i64>>,
+    yarn: Py<PyArray1<i32>>,
+    panel: Py<PyArray1<i32>>,
+    bar: Py<PyArray1<i32>>,
+    radius: Py<PyArray1<f64>>,
+    stitch_counts: Py<PyArray1<i64>>,
+    strands: Strands,
+    report: OnceLock<String>,
+}
+
+/// What tubes and pictures need of the strands besides their points.
+struct Strands {
+    offsets: Vec<usize>,
+    bars: Vec<usize>,
+    stitches: Vec<u32>,
+    first_stitches: Vec<usize>,
+}
+
+impl Strands {
+    fn of(laid: &Laid) -> Self {
+        let numbers = |values: &[i32]| values.iter().map(|&value| unsigned(value.into())).collect();
+        Self {
+            offsets: laid.offsets.iter().map(|&offset| unsigned(offset)).collect(),
+            bars: numbers(&laid.bar),
+            stitches: laid.stitches.clone(),
+            first_stitches: laid.first_stitches.clone(),
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.bars.len()
+    }
+
+    fn points(&self, strand: usize) -> std::ops::Range<usize> {
+        self.offsets[strand]..self.offsets[strand + 1]
+    }
+
+    /// The first point of each stitch of a strand, from its first.
+    fn stitches(&self, strand: usize) -> &[u32] {
+        &self.stitches[self.first_stitches[strand]..self.first_stitches[strand + 1]]
+    }
+
+    /// The stitches of a strand as ranges of its points that share their ends.
+    fn pieces(&self, strand: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let (firsts, last) = (self.stitches(strand), self.points(strand).len() - 1);
+        firsts.iter().enumerate().map(move |(at, &first)| {
+            let next = firsts.get(at + 1).map_or(last, |&next| next as usize);
+            first as usize..next + 1
+        })
+    }
+}
+
+/// A number that was an index.
+fn unsigned(number: i64) -> usize {
+    usize::try_from(number).unwrap_or(0)
+}
+
+/// A numpy array over the memory of a vector, which can't be written to.
+fn column<T: numpy::Element>(py: Python<'_>, values: Vec<T>) -> PyResult<Py<PyArray1<T>>> {
+    let array = values.into_pyarray(py);
+    freeze(array.as_any())?;
+    Ok(array.unbind())
+}
+
+/// The same with `width` columns.
+fn rows<T: numpy::Element>(
+    py: Python<'_>,
+    values: Vec<T>,
+    width: usize,
+) -> PyResult<Py<PyArray<T, numpy::Ix2>>> {
+    let array = table(py, values, width)?;
+    freeze(array.as_any())?;
+    Ok(array.unbind())
+}
+
+/// An array over the memory of a vector, of `width` columns.
+fn table<T: numpy::Element>(
+    py: Python<'_>,
+    values: Vec<T>,
+    width: usize,
+) -> PyResult<Bound<'_, PyArray<T, numpy::Ix2>>> {
+    let height = values.len() / width;
+    values.into_pyarray(py).reshape([height, width])
+}
+
+fn freeze(array: &Bound<'_, PyAny>) -> PyResult<()> {
+    array.getattr("flags")?.setattr("writeable", false)
+}
+
+impl Yarns {
+    pub(crate) fn new(
+        py: Python<'_>,
+        origin: Origin,
+        (fabric, shown): (fabric::Fabric, fabric::Fabric),
+        settings: Settings,
+        source: Source,
+        laid: Laid,
+    ) -> PyResult<Self> {
+        let radii: Vec<_> = shown.thickness().iter().map(|share| share * shown.radius()).collect();
+        let strands = Strands::of(&laid);
+        let radius = strands.bars.iter().map(|&bar| radii[bar]).collect();
+        let counts = laid.first_stitches.windows(2).map(|pair| index64(pair[1] - pair[0]));
+        let counts = counts.collect();
+        Ok(Self {
+            origin,
+            fabric,
+            shown,
+            settings,
+            source,
+            points: rows(py, laid.points, 3)?,
+            normals: rows(py, laid.normals, 3)?,
+            flat: rows(py, laid.flat, 3)?,
+            course: column(py, laid.course)?,
+            wale: column(py, laid.wale)?,
+            offsets: column(py, laid.offsets)?,
+            yarn: column(py, laid.yarn)?,
+            panel: column(py, laid.panel)?,
+            bar: column(py, laid.bar)?,
+            radius: column(py, radius)?,
+            stitch_counts: column(py, counts)?,
+            strands,
+            report: OnceLock::new(),
+        })
+    }
+
+    /// The place from which tubes and pictures count.
+    fn start(&self) -> DVec3 {
+        match &self.origin {
+            Origin::Garment(garment) => garment.summary.origin,
+            Origin::Swatch(_) => DVec3::ZERO,
+        }
+    }
+
+    /// Makes files in a run of its own.
+    fn write(&self, outputs: Vec<(PathBuf, Format)>, settings: &Settings) -> Result<(), RunError> {
+        let settings = Settings { outputs, ..settings.clone() };
+        let clock = Clock::start(&());
+        match &self.origin {
+            Origin::Swatch(size) => {
+                pipeline::swatch(*size, &self.fabric, &self.source, &settings, clock)?;
+            }
+            Origin::Garment(garment) => {
+                let garment = garment::Garment::clone(garment);
+                pipeline::drape(garment, None, &self.fabric, &self.source, &settings, clock)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The yarns as a scene.
+    fn scene(&self, points: &[DVec3], normals: &[DVec3], shape: Shape) -> Result<Scene, RunError> {
+        let textures = Textures::read(None, &self.shown)?;
+        let mut scene = pipeline::scene(shape, &self.shown, self.shown.radius(), &textures);
+        let start = self.start();
+        for strand in 0..self.strands.len() {
+            let range = self.strands.points(strand);
+            let places = points[range.clone()].iter().map(|place| (*place - start).as_vec3());
+            let pairs = places.zip(normals[range].iter().map(|normal| normal.as_vec3()));
+            // A fabric has at most a hundred bars.
+            let look = u16::try_from(self.strands.bars[strand]).unwrap_or(0);
+            scene.push_stitches(pairs, self.strands.stitches(strand).iter().copied(), look);
+        }
+        Ok(scene)
+    }
+
+    /// Draws the yarns. The camera frames the garment, or the swatch's yarns.
+    fn draw(
+        &self,
+        scene: &Scene,
+        view: render::View,
+        zoom: f64,
+        options: &RenderOptions,
+    ) -> Result<RgbaImage, RunError> {
+        let framed: Vec<Vec3> = match &self.origin {
+            Origin::Garment(garment) => pipeline::draped_points(garment),
+            Origin::Swatch(_) => scene.positions.clone(),
+        };
+        let camera = Camera::view(view, &framed, Camera::DEFAULT_FOV, zoom, options.aspect());
+        Ok(render::render(scene, &camera, options, &|_| ())?)
+    }
+
+    /// A picture.
+    fn picture(
+        &self,
+        py: Python<'_>,
+        view: render::View,
+        shape: Shape,
+        zoom: f64,
+        options: &RenderOptions,
+    ) -> PyResult<RgbaImage> {
+        let (points, normals) = (self.points.bind(py).readonly(), self.normals.bind(py).readonly());
+        let (points, normals) = (vectors(&points)?, vectors(&normals)?);
+        let drawn = py.detach(|| {
+            let scene = self.scene(points, normals, shape)?;
+            self.draw(&scene, view, zoom, options)
+        });
+        drawn.map_err(|error| error::of_run(&error))
+    }
+}
+
+/// The rows of an array that Rust made.
+fn vectors<'a>(array: &'a PyReadonlyArray2<'_, f64>) -> PyResult<&'a [DVec3]> {
+    Ok(bytemuck::cast_slice(array.as_slice()?))
+}
+
+/// Refuses pictures without pixels, and those that no memory holds.
+fn check_size(size: (u32, u32)) -> PyResult<()> {
+    let pixels = 1..=MOST_PIXELS;
+    if pixels.contains(&size.0) && pixels.contains(&size.1) {
+        return Ok(());
+    }
+    let text = format!("size is {size:?}, but both must be between 1 and {MOST_PIXELS}");
+    Err(PyValueError::new_err(text))
+}
+
+/// Refuses tubes out of their range, in words of Python.
+fn check_tubes(st: u32, sr: u32) -> PyResult<()> {
+    if !(1..=MAX_ST).contains(&st) {
+        return Err(PyValueError::new_err(format!(
+            "st is {st}, but must be between 1 and {MAX_ST}"
+        )));
+    }
+    if !SR.contains(&sr) {
+        let (least, most) = (SR.start(), SR.end());
+        return Err(PyValueError::new_err(format!(
+            "sr is {sr}, but must be between {least} and {most}"
+        )));
+    }
+    Ok(())
+}
+
+#[pymethods]
+impl Yarns {
+    /// (n, 3) float64: data points on the body, mm, in the axes of the garment's file.
+    #[getter]
+    fn points(&self, py: Python<'_>) -> Py<PyArray<f64, numpy::Ix2>> {
+        self.points.clone_ref(py)
+    }
+
+    /// (n, 3) float64: unit normals of the cloth at each point, out of its technical face.
+    #[getter]
+    fn normals(&self, py: Python<'_>) -> Py<PyArray<f64, numpy::Ix2>> {
+        self.normals.clone_ref(py)
+    }
+
+    /// (n, 3) float64: the points on their flat panel, mm: across the wales, along them, and out of
+    /// the technical face.
+    #[getter]
+    fn flat(&self, py: Python<'_>) -> Py<PyArray<f64, numpy::Ix2>> {
+        self.flat.clone_ref(py)
+    }
+
+    /// (n,) int32: the course of each point, counted from the panel's lowest.
+    #[getter]
+    fn course(&self, py: Python<'_>) -> Py<PyArray1<i32>> {
+        self.course.clone_ref(py)
+    }
+
+    /// (n,) int32: the wale of each point, counted from the panel's leftmost.
+    #[getter]
+    fn wale(&self, py: Python<'_>) -> Py<PyArray1<i32>> {
+        self.wale.clone_ref(py)
+    }
+
+    /// (s + 1,) int64: the first point of each strand, and n at the end.
+    #[getter]
+    fn offsets(&self, py: Python<'_>) -> Py<PyArray1<i64>> {
+        self.offsets.clone_ref(py)
+    }
+
+    /// (s,) int32: the yarn of each strand, from 0.
+    #[getter]
+    fn yarn(&self, py: Python<'_>) -> Py<PyArray1<i32>> {
+        self.yarn.clone_ref(py)
+    }
+
+    /// (s,) int32: the panel of each strand, from 0.
+    #[getter]
+    fn panel(&self, py: Python<'_>) -> Py<PyArray1<i32>> {
+        self.panel.clone_ref(py)
+    }
+
+    /// (s,) int32: the bar of each strand, from 0, front first.
+    #[getter]
+    fn bar(&self, py: Python<'_>) -> Py<PyArray1<i32>> {
+        self.bar.clone_ref(py)
+    }
+
+    /// (s,) float64: the radius of each strand as it is drawn, mm.
+    #[getter]
+    fn radius(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        self.radius.clone_ref(py)
+    }
+
+    /// (s,) int64: stitches and parts of stitches of each strand. Its tube in `to_mesh` has
+    /// (st * stitches + 1) * (sr + 1) vertices.
+    #[getter]
+    fn stitch_counts(&self, py: Python<'_>) -> Py<PyArray1<i64>> {
+        self.stitch_counts.clone_ref(py)
+    }
+
+    /// (3,) floats: the place from which the vertices of `to_mesh` count, mm. It is zero unless the
+    /// garment lies over 10 m from the origin of its file.
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.start().to_array()
+    }
+
+    /// The fabric as it is drawn.
+    #[getter]
+    fn fabric(&self) -> crate::fabric::Fabric {
+        crate::fabric::Fabric { fabric: self.shown.clone() }
+    }
+
+    /// Number of stitches and parts of stitches.
+    #[getter]
+    fn stitches(&self) -> usize {
+        self.strands.stitches.len()
+    }
+
+    /// The yarns as tubes: (v, f, n, uv), the arrays of a triangle mesh.
+    ///
+    /// v: (k, 3) float32, mm. f: (t, 3) uint32, counter-clockwise from outside. n: (k, 3) float32, unit
+    /// normals. uv: (k, 2) float32, around the yarn 0..1 and along it in mm.
+    ///
+    /// st: segments along each stitch. sr: edges around. flatten: width over height of the section.
+    /// caps: whether ends are closed.
+    #[pyo3(signature = (st=10, sr=6, *, flatten=1.0, caps=false))]
+    fn to_mesh<'py>(
+        &self,
+        py: Python<'py>,
+        st: u32,
+        sr: u32,
+        flatten: f64,
+        caps: bool,
+    ) -> PyResult<Bound<'py, PyTuple>> {
+        check_tubes(st, sr)?;
+        if !(0.1..=10.0).contains(&flatten) {
+            let text = format!("flatten is {flatten}, but must be between 0.1 and 10");
+            return Err(PyValueError::new_err(text));
+        }
+        let base = Section { st, sr, flatten, caps, ..default_section(self.shown.radius()) };
+        let (vertices, _) = base.size_of(self.strands.stitches.len(), self.strands.len());
+        if u32::try_from(vertices).is_err() {
+            let text = format!("{vertices} vertices are over the 2^32 of an index: lower st or sr");
+            return Err(PyValueError::new_err(text));
+        }
+        let thickness = self.shown.thickness();
+        let (points, normals) = (self.points.bind(py).readonly(), self.normals.bind(py).readonly());
+        let (points, normals) = (vectors(&points)?, vectors(&normals)?);
+        let start = self.start();
+        let tubes = py.detach(|| {
+            let mut tubes = Tubes::default();
+            tubes.reserve(self.strands.stitches.len(), self.strands.len(), &base);
+            let mut near = Vec::new();
+            for strand in 0..self.strands.len() {
+                let range = self.strands.points(strand);
+                near.clear();
+                near.extend(points[range.clone()].iter().map(|place| *place - start));
+                let radius = base.radius * thickness[self.strands.bars[strand]];
+                let section = Section { radius, ..base };
+                tubes.add(&near, &normals[range], self.strands.pieces(strand), &section);
+            }
+            tubes
+        });
+        let arrays = (
+            table::<f32>(py, bytemuck::cast_vec(tubes.positions), 3)?,
+            table::<u32>(py, bytemuck::cast_vec(tubes.triangles), 3)?,
+            table::<f32>(py, bytemuck::cast_vec(tubes.normals), 3)?,
+            table::<f32>(py, bytemuck::cast_vec(tubes.uvs), 2)?,
+        );
+        arrays.into_pyobject(py)
+    }
+
+    /// A picture: (height, width, 4) uint8, sRGB with straight alpha. The CPU draws it.
+    ///
+    /// size: width and height, pixels. view: "front", "back", "left", "right", "top" or "iso".
+    /// zoom: magnifies the middle. background: "white", "#rrggbb" or "transparent". spp: samples for
+    /// each pixel. shape: "tube" or "ribbon".
+    #[pyo3(signature = (size=(800, 600), view="front", *, zoom=1.0, background="white", spp=4,
+                        shape="tube"),
+           text_signature = "($self, size=(800, 600), view='front', *, zoom=1.0, \
+                             background='white', spp=4, shape='tube')")]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn render(
+        &self,
+        py: Python<'_>,
+        size: (u32, u32),
+        view: &str,
+        zoom: f64,
+        background: &str,
+        spp: u32,
+        shape: &str,
+    ) -> PyResult<Py<PyAny>> {
+        let background = background.parse::<Background>();
+        let background = background.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        check_size(size)?;
+        if !(1..=4096).contains(&spp) {
+            return Err(PyValueError::new_err(format!("spp is {spp}, but must be 1 to 4096")));
+        }
+        let (width, height) = size;
+        let options = RenderOptions { width, height, background, spp, ..RenderOptions::default() };
+        let picture = self.picture(py, names::view(view)?, names::shape(shape)?, zoom, &options)?;
+        let pixels = picture.into_raw().into_pyarray(py);
+        pixels.reshape([height as usize, width as usize, 4])?.into_py_any(py)
+    }
+
+    /// Writes files, one for each path. The ending says what is written: every ending that the
+    /// command's -o knows.
+    ///
+    /// st, sr: segments along each stitch of a tube, and edges around. curves: an .obj has centre lines.
+    /// size, view: of pictures, as of `render`.
+    ///
+    /// The files are those of the command, byte for byte, and appear only when all of them are whole.
+    /// To write them, the cloth is knitted again.
+    #[pyo3(signature = (*paths, st=None, sr=None, flatten=1.0, caps=false, curves=false,
+                        size=(1600, 1200), view="front"),
+           text_signature = "($self, *paths, st=None, sr=None, flatten=1.0, caps=False, \
+                             curves=False, size=(1600, 1200), view='front')")]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn save(
+        &self,
+        py: Python<'_>,
+        paths: Vec<PathBuf>,
+        st: Option<u32>,
+        sr: Option<u32>,
+        flatten: f64,
+        caps: bool,
+        curves: bool,
+        size: (u32, u32),
+        view: &str,
+    ) -> PyResult<()> {
+        if paths.is_empty() {
+            return Err(PyValueError::new_err("name a file, such as \"cloth.glb\""));
+        }
+        check_tubes(st.unwrap_or(1), sr.unwrap_or(3))?;
+        let formats = paths.into_iter().map(|path| Ok((Format::from_path(&path)?, path)));
+        let outputs = formats.map(|pair| pair.map(|(format, path)| (path, format)));
+        let outputs = outputs.collect::<Result<Vec<_>, _>>();
+        let outputs = outputs.map_err(|error| error::of_export(&error))?;
+        check_size(size)?;
+        let mut settings =
+            Settings { st, sr, flatten, caps, centre_lines: curves, ..self.settings.clone() };
+        (settings.picture.size, settings.picture.view) = (size, names::view(view)?);
+        let written = py.detach(|| self.write(outputs, &settings));
+        written.map_err(|error| error::of_run(&error))
+    }
+
+    /// The report: a dict with the keys of a .json that the command writes. Counts, times, clearance,
+    /// and under "cloth" mass in g/m², run-in and thickness.
+    ///
+    /// It is measured at the first call, which knits the cloth again.
+    #[getter]
+    fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let text = match self.report.get() {
+            Some(text) => text,
+            None => {
+                let folder = tempfile::tempdir()?;
+                let path = folder.path().join("report.json");
+                let outputs = vec![(path.clone(), Format::Json)];
+                let written = py.detach(|| self.write(outputs, &self.settings));
+                written.map_err(|error| error::of_run(&error))?;
+                let text = std::fs::read_to_string(path)?;
+                self.report.get_or_init(|| text)
+            }
+        };
+        py.import("json")?.call_method1("loads", (text,))
+    }
+
+    /// A picture of 800 x 600 pixels, for notebooks.
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let options = RenderOptions { width: 800, height: 600, ..RenderOptions::default() };
+        let picture = self.picture(py, render::View::Front, Shape::Tube, 1.0, &options)?;
+        let mut bytes = Vec::new();
+        png::encode(&picture, &mut bytes)?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    fn __len__(&self) -> usize {
+        self.strands.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let (strands, stitches) = (self.strands.len(), self.strands.stitches.len());
+        let name = &self.shown.name;
+        format!("<warpknit.Yarns of {name:?}: {strands} strands, {stitches} stitches>")
+    }
+}

@@ -1,0 +1,172 @@
+"""Fabrics and garments: what goes in, and what is refused in the command's words."""
+
+import pickle
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warpknit
+
+SQUARE = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0]])
+BODY = np.column_stack([SQUARE, [0.0, 0.0, 30.0, 0.0]])
+FACES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+
+
+def test_version() -> None:
+    assert warpknit.__version__.count(".") == 2
+
+
+def test_named_fabrics() -> None:
+    names = warpknit.Fabric.names()
+    assert len(names) == 46 and "locknit" in names
+    for name in names:
+        fabric = warpknit.Fabric.named(name)
+        assert fabric.name == name and fabric.about and fabric.warnings == []
+        assert len(fabric.lappings) == len(fabric.colors) >= 1
+    with pytest.raises(warpknit.FabricError, match="did you mean 'locknit'"):
+        warpknit.Fabric.named("lokcnit")
+
+
+def test_chains() -> None:
+    fabric = warpknit.Fabric.from_chains(["2-3/1-0//", "1-0/1-2//"])
+    assert fabric.lappings == ["2-3/1-0//", "1-0/1-2//"]
+    assert fabric.wales_per_cm == warpknit.Fabric.named("tricot").wales_per_cm
+    # Four times the count is twice the diameter, and the cloth keeps its cover.
+    coarse = warpknit.Fabric.from_chains(["2-3/1-0//", "1-0/1-2//"], None, "176 dtex")
+    assert coarse.wales_per_cm == pytest.approx(fabric.wales_per_cm / 2)
+    half = warpknit.Fabric.from_chains(["1-0/1-2//", "1-2/1-0//"], threading=["I.", ".I"], yarn=["44 dtex", "20 den"])
+    assert 'threading = "I."' in half.to_toml() and '"20 den"' in half.to_toml()
+    assert warpknit.Fabric.from_chains(("1-0/0-1//",), "I").lappings == ["1-0/0-1//"]
+
+
+@pytest.mark.parametrize(
+    ("chains", "keywords", "words"),
+    [
+        ([], {}, "no chains"),
+        (["1-0/1-7//"], {}, "overlap over 6 needles"),
+        (["1-0/1-2//"], {"threading": "Ix"}, "no threading mark"),
+        (["1-0/1-2//"], {"yarn": "thick"}, "no yarn count"),
+        (["1-0/1-2//"], {"yarn": ["44 dtex"] * 2}, "given 2 times"),
+        (["1-0/1-2//"], {"wales_per_cm": 0.0}, "wales_per_cm"),
+    ],
+)
+def test_chains_that_are_refused(chains: list[str], keywords: dict[str, object], words: str) -> None:
+    with pytest.raises(warpknit.FabricError, match=words) as caught:
+        warpknit.Fabric.from_chains(chains, **keywords)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+
+
+def test_yarns_that_do_not_fit_are_warned_of() -> None:
+    with pytest.warns(UserWarning, match="cover"):
+        warpknit.Fabric.from_chains(["1-0/1-2//"], yarn="440 dtex", wales_per_cm=15.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warpknit.Fabric.from_chains(["1-0/1-2//"], yarn="440 dtex")
+
+
+def test_fabric_files(tmp_path: Path) -> None:
+    fabric, path = warpknit.Fabric.named("hex-net-5"), tmp_path / "net.toml"
+    path.write_text(fabric.to_toml())
+    assert warpknit.Fabric.load(path) == warpknit.Fabric.parse(fabric.to_toml()) == fabric
+    assert warpknit.Fabric.load(str(path)) != warpknit.Fabric.named("satin")
+    path.write_text(fabric.to_toml().replace("wales_per_cm", "wales_per_inch"))
+    with pytest.raises(warpknit.FabricError, match=r"net\.toml:\d+: .*wales_per_inch"):
+        warpknit.Fabric.load(path)
+    with pytest.raises(warpknit.FabricError, match="nothere.toml: can't read"):
+        warpknit.Fabric.load(tmp_path / "nothere.toml")
+
+
+def test_fabrics_pickle() -> None:
+    fabric = warpknit.Fabric.named("locknit").at_densities(2.0)
+    assert pickle.loads(pickle.dumps(fabric)) == fabric
+
+
+def test_arrays() -> None:
+    garment = warpknit.Garment.from_arrays(SQUARE, BODY, FACES)
+    assert (garment.panels, garment.triangles, garment.unit) == (1, 2, "mm")
+    assert garment.area_cm2 == pytest.approx(100.0)
+    fabric = warpknit.Fabric.named("tricot")
+    points = warpknit.drape(garment, fabric, 2.0).points
+    # Lists, other types and other orders are the same garment.
+    for flat, draped, faces in [
+        (SQUARE.tolist(), BODY.tolist(), FACES.tolist()),
+        (SQUARE.astype(np.float32), np.asfortranarray(BODY), FACES.astype(np.int64)),
+        (np.asfortranarray(SQUARE), BODY[:, :], np.asfortranarray(FACES)),
+        (np.repeat(SQUARE, 2, axis=0)[::2], BODY, FACES.astype(np.uint8)),
+    ]:
+        same = warpknit.Garment.from_arrays(flat, draped, faces)
+        assert (warpknit.drape(same, fabric, 2.0).points == points).all()
+
+
+def test_arrays_of_a_uv_map() -> None:
+    # A square of 300 mm in metres, its pattern in the unit square.
+    metres = 0.3 * np.column_stack([SQUARE / 100, np.zeros(4)])
+    garment = warpknit.Garment.from_arrays(SQUARE / 100, metres, FACES, unit="m", uv_scale=None)
+    assert garment.area_cm2 == pytest.approx(900.0)
+    yarns = warpknit.drape(garment, warpknit.Fabric.named("tricot"), 2.0, "smooth")
+    turned = warpknit.Garment.from_arrays(SQUARE / 100, metres, FACES, unit="m", uv_scale=300, grain=90)
+    across = warpknit.drape(turned, warpknit.Fabric.named("tricot"), 2.0, "smooth")
+    assert yarns.points.max() == pytest.approx(300, abs=2)
+    # A wale runs along y, or along x where the grain is turned.
+    spread = [np.ptp(cloth.points[cloth.wale == 20], axis=0) for cloth in (yarns, across)]
+    assert spread[0][1] > 250 > 50 > spread[0][0] and spread[1][0] > 250 > 50 > spread[1][1]
+
+
+@pytest.mark.parametrize(
+    ("flat", "draped", "faces", "words"),
+    [
+        (SQUARE, BODY[:2], FACES, "4 flat and 2 draped"),
+        (SQUARE, BODY, FACES + 4, "names vertex"),
+        (SQUARE, BODY, FACES.astype(np.int64) - 1, "vertex -1"),
+        (SQUARE, np.full((4, 3), np.nan), FACES, "not finite"),
+        (SQUARE, BODY, FACES[:0], "no triangles"),
+        (SQUARE, BODY, FACES.astype(float), "whole numbers"),
+        (BODY, BODY, FACES, r"flat has the shape \(4, 3\)"),
+        (SQUARE, SQUARE, FACES, r"draped has the shape \(4, 2\)"),
+        (SQUARE, BODY, [[0, 1, 2, 3]], r"\(m, 3\), not \(1, 4\)"),
+        (SQUARE, BODY, [0, 1, 2], r"\(m, 3\)"),
+    ],
+)
+def test_arrays_that_hold_no_garment(flat: object, draped: object, faces: object, words: str) -> None:
+    with pytest.raises(warpknit.GarmentError, match=words) as caught:
+        warpknit.Garment.from_arrays(flat, draped, faces)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+
+
+def test_garment_files(meshes: Path, tmp_path: Path) -> None:
+    garment = warpknit.Garment.load(str(meshes / "tshirt.obj"))
+    assert garment.panels > 1 and "panels" in repr(garment)
+    with pytest.raises(warpknit.GarmentError, match="nothere.obj: cannot be opened"):
+        warpknit.Garment.load(tmp_path / "nothere.obj")
+    broken = tmp_path / "broken.obj"
+    broken.write_text("v 0 0 0\nv 1 0 zero\n")
+    with pytest.raises(warpknit.GarmentError, match=r"broken\.obj:2: .*no number"):
+        warpknit.Garment.load(broken)
+    with pytest.raises(warpknit.GarmentError, match="no unit"):
+        warpknit.Garment.load(meshes / "tshirt.obj", unit="ell")  # type: ignore[arg-type]
+    with pytest.raises(warpknit.GarmentError, match="--uv-scale"):
+        warpknit.Garment.load(meshes / "tshirt.obj", uv_scale=-1.0)
+
+
+def test_errors_are_value_errors() -> None:
+    assert issubclass(warpknit.GarmentError, ValueError) and issubclass(warpknit.FabricError, ValueError)
+    assert warpknit.GarmentError.__module__ == "warpknit"
+
+
+@pytest.mark.parametrize("size", [(0, 4), (4, 1001)])
+def test_swatches_out_of_range(size: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match="must be between 1 and 1000"):
+        warpknit.swatch(warpknit.Fabric.named("tricot"), *size)
+
+
+def test_everything_public_has_a_docstring() -> None:
+    for name in warpknit.__all__:
+        thing = getattr(warpknit, name)
+        if name.startswith("__"):
+            continue
+        assert thing.__doc__, name
+        if isinstance(thing, type) and not issubclass(thing, Exception):
+            for attribute in dir(thing):
+                if not attribute.startswith("_"):
+                    assert getattr(thing, attribute).__doc__, f"{name}.{attribute}"

@@ -1,0 +1,236 @@
+"""Yarns: their arrays, tubes, pictures, files and report."""
+
+import json
+import os
+import shutil
+import subprocess
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import warpknit
+from numpy.typing import NDArray
+
+ENDINGS = [".png", ".glb", ".obj", ".ply", ".usda", ".bcc", ".curves.txt", ".inp", ".npz", ".csv", ".json"]
+
+
+def test_arrays_have_the_shapes_and_types_that_the_docs_say(yarns: warpknit.Yarns) -> None:
+    n, s = len(yarns.points), len(yarns)
+    assert n > 1000 and s > 10
+    arrays: list[tuple[NDArray[Any], tuple[int, ...], str]] = [
+        (yarns.points, (n, 3), "float64"),
+        (yarns.normals, (n, 3), "float64"),
+        (yarns.flat, (n, 3), "float64"),
+        (yarns.course, (n,), "int32"),
+        (yarns.wale, (n,), "int32"),
+        (yarns.offsets, (s + 1,), "int64"),
+        (yarns.yarn, (s,), "int32"),
+        (yarns.panel, (s,), "int32"),
+        (yarns.bar, (s,), "int32"),
+        (yarns.radius, (s,), "float64"),
+        (yarns.stitch_counts, (s,), "int64"),
+    ]
+    for array, shape, kind in arrays:
+        assert array.shape == shape and array.dtype == kind
+        assert not array.flags.writeable and array.flags.c_contiguous
+    assert yarns.offsets[0] == 0 and yarns.offsets[-1] == n
+    assert (np.diff(yarns.offsets) >= 2).all()
+    assert set(yarns.bar) == {0, 1} and (yarns.radius > 0).all()
+    assert np.allclose(np.linalg.norm(yarns.normals, axis=1), 1.0)
+
+
+def test_arrays_are_handed_over_without_a_copy(yarns: warpknit.Yarns) -> None:
+    for name in ["points", "normals", "flat", "course", "offsets", "radius"]:
+        first, second = getattr(yarns, name), getattr(yarns, name)
+        assert first.ctypes.data == second.ctypes.data
+        # The memory is that of Rust: numpy owns nothing of it.
+        assert not first.flags.owndata
+    vertices, faces, normals, uv = yarns.to_mesh()
+    assert not any(array.flags.owndata for array in (vertices, faces, normals, uv))
+    assert not yarns.render(size=(8, 6)).flags.owndata
+
+
+def test_arrays_outlive_their_yarns(locknit: warpknit.Fabric) -> None:
+    points = warpknit.swatch(locknit, 3, 4).points
+    copy = points.copy()
+    warpknit.swatch(locknit, 5, 4)
+    assert (points == copy).all()
+
+
+def test_yarns_lie_on_the_body(yarns: warpknit.Yarns, meshes: Path) -> None:
+    lines = (meshes / "tube_draped.obj").read_text().splitlines()
+    body = np.array([line.split()[1:4] for line in lines if line.startswith("v ")], dtype=float)
+    # The file is in mm or in another unit, which the reader has found.
+    scale = {"mm": 1, "cm": 10, "m": 1000}[
+        warpknit.Garment.load(meshes / "tube_flat.obj", meshes / "tube_draped.obj").unit
+    ]
+    low, high = scale * body.min(axis=0) - 5, scale * body.max(axis=0) + 5
+    assert (yarns.points >= low).all() and (yarns.points <= high).all()
+
+
+def test_courses_and_wales_are_those_of_the_flat_cloth(locknit: warpknit.Fabric) -> None:
+    swatch = warpknit.swatch(locknit, wales=5, courses=7)
+    assert swatch.course.min() == 0 and swatch.course.max() == 6
+    # Along a wale, the mean height of the points grows by a course each.
+    heights = [swatch.flat[swatch.course == course, 1].mean() for course in range(7)]
+    assert np.allclose(np.diff(heights), 10 / locknit.courses_per_cm, rtol=0.2)
+
+
+def test_a_mesh_has_the_triangles_of_the_paper(yarns: warpknit.Yarns) -> None:
+    vertices, faces, normals, uv = yarns.to_mesh(st=4, sr=5)
+    assert len(faces) == 2 * 4 * 5 * yarns.stitches
+    assert vertices.dtype == normals.dtype == uv.dtype == np.float32 and faces.dtype == np.uint32
+    assert faces.max() == len(vertices) - 1
+    assert len(vertices) == ((4 * yarns.stitch_counts + 1) * (5 + 1)).sum()
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
+    # A triangle faces as its normals do, where rings are near each other for the bends of a loop.
+    vertices, faces, normals, _ = yarns.to_mesh(st=32, sr=6)
+    a, b, c = (vertices[faces[:, corner]].astype(float) for corner in range(3))
+    outward = np.cross(b - a, c - a)
+    facing = (outward * normals[faces[:, 0]]).sum(axis=1)
+    assert (facing > 0).mean() > 0.99
+
+
+@pytest.mark.parametrize("arguments", [{"st": 0}, {"st": 257}, {"sr": 2}, {"sr": 65}, {"flatten": 0.0}])
+def test_meshes_out_of_range_are_refused(yarns: warpknit.Yarns, arguments: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="must be between"):
+        yarns.to_mesh(**arguments)  # type: ignore[arg-type]
+
+
+def test_pictures_are_arrays_and_png(yarns: warpknit.Yarns) -> None:
+    picture = yarns.render(size=(80, 60), view="back")
+    assert picture.shape == (60, 80, 4) and picture.dtype == np.uint8
+    assert (picture[..., 3] == 255).all() and (picture[30, 40, :3] != 255).any()
+    clear = yarns.render(size=(80, 60), background="transparent")
+    assert clear[0, 0, 3] == 0 and clear[30, 40, 3] == 255
+    png = yarns._repr_png_()
+    assert png.startswith(b"\x89PNG") and png[16:24] == (800).to_bytes(4, "big") + (600).to_bytes(4, "big")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"view": "side"}, "front, back"),
+        ({"size": (0, 5)}, "size is"),
+        ({"background": "mauve"}, "no background"),
+        ({"shape": "rope"}, "tube, ribbon"),
+        ({"spp": 0}, "spp is 0"),
+    ],
+)
+def test_pictures_of_nonsense_are_refused(yarns: warpknit.Yarns, arguments: dict[str, object], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        yarns.render(**arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_every_ending_of_the_command_is_written(
+    locknit: warpknit.Fabric, tmp_path: Path, ending: str
+) -> None:
+    path = tmp_path / f"cloth{ending}"
+    warpknit.swatch(locknit, 3, 4).save(path, size=(320, 240))
+    assert path.stat().st_size > 100
+
+
+def test_files_hold_the_yarns_of_the_arrays(yarns: warpknit.Yarns, tmp_path: Path) -> None:
+    yarns.save(tmp_path / "cloth.npz", tmp_path / "cloth.json")
+    saved = np.load(tmp_path / "cloth.npz")
+    assert (saved["draped"] == yarns.points).all()
+    assert (saved["length"] == np.diff(yarns.offsets)).all() and (saved["bar"] == yarns.bar).all()
+    whole = saved["kind"] != 255
+    assert (saved["course"] == yarns.course)[whole].all() and (saved["wale"] == yarns.wale)[whole].all()
+    report = json.loads((tmp_path / "cloth.json").read_text())
+    assert report["data_points"] == whole.sum()
+
+
+def test_files_are_those_of_the_command(meshes: Path, locknit: warpknit.Fabric, tmp_path: Path) -> None:
+    command = os.environ.get("WARPKNIT", shutil.which("warpknit") or "")
+    if not command:
+        pytest.skip("no command: name it with WARPKNIT=path/to/warpknit")
+    files: list[str | Path] = [meshes / "tube_flat.obj", meshes / "tube_draped.obj"]
+    flags: list[str | Path] = ["--fabric", "locknit", "--quiet", "-o", tmp_path / "theirs.glb", "-o", tmp_path / "theirs.npz"]
+    subprocess.run([command, "drape", *map(str, files + flags)], check=True)
+    yarns = warpknit.drape(warpknit.Garment.load(*files), locknit)
+    yarns.save(tmp_path / "ours.glb", tmp_path / "ours.npz")
+    for ending in ["glb", "npz"]:
+        assert (tmp_path / f"ours.{ending}").read_bytes() == (tmp_path / f"theirs.{ending}").read_bytes()
+
+
+def test_what_cannot_be_written_is_said_and_nothing_is_left(
+    locknit: warpknit.Fabric, tmp_path: Path
+) -> None:
+    swatch = warpknit.swatch(locknit, 3, 4)
+    with pytest.raises(ValueError, match="no writer for this ending"):
+        swatch.save(tmp_path / "cloth.docx")
+    with pytest.raises(OSError, match="nowhere"):
+        swatch.save(tmp_path / "nowhere" / "cloth.glb")
+    with pytest.raises(ValueError, match="name a file"):
+        swatch.save()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_garment_file_is_not_overwritten(tmp_path: Path, locknit: warpknit.Fabric) -> None:
+    square = tmp_path / "square.obj"
+    square.write_text("v 0 0 0\nv 200 0 0\nv 200 200 9\nv 0 200 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n")
+    yarns = warpknit.drape(warpknit.Garment.load(square), locknit, 1.0, "smooth")
+    with pytest.raises(ValueError, match="is an input"):
+        yarns.save(square)
+
+
+def test_a_report_has_the_numbers_of_the_cloth(locknit: warpknit.Fabric, yarns: warpknit.Yarns) -> None:
+    cloth = warpknit.swatch(locknit).report["cloth"]
+    # Those that README prints.
+    assert round(cloth["mass_g_m2"], 1) == 94.1
+    assert [round(length) for length in cloth["run_in_mm_per_rack"]] == [1804, 1431]
+    assert yarns.report is not None and yarns.report["stitches"] == pytest.approx(yarns.stitches, rel=0.1)
+    assert yarns.report["curved_ms"] >= yarns.report["plane_ms"] > 0
+
+
+def test_the_interpreter_is_free_while_rust_works(locknit: warpknit.Fabric) -> None:
+    fabric = locknit.at_densities(4.0)
+    swatch = warpknit.swatch(fabric, 60, 60)
+    ticks: list[float] = []
+    is_done = threading.Event()
+
+    def count() -> None:
+        while not is_done.is_set():
+            ticks.append(time.monotonic())
+            time.sleep(0.001)
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    start = time.monotonic()
+    swatch.render(size=(800, 600))
+    end = time.monotonic()
+    is_done.set()
+    counter.join()
+    within = [tick for tick in ticks if start < tick < end]
+    # With the lock held there would be a tick or two.
+    assert len(within) > 10
+
+
+def test_drapes_are_the_same_each_time(tube: warpknit.Garment, locknit: warpknit.Fabric, yarns: warpknit.Yarns) -> None:
+    again = warpknit.drape(tube, locknit, wales_per_cm=2.0)
+    assert (again.points == yarns.points).all()
+
+
+@pytest.mark.parametrize("mapping", ["relaxed", "smooth", "frame"])
+def test_mappings(tube: warpknit.Garment, locknit: warpknit.Fabric, mapping: str) -> None:
+    assert warpknit.drape(tube, locknit, 1.0, mapping).stitches > 100  # type: ignore[arg-type]
+
+
+def test_densities(tube: warpknit.Garment, locknit: warpknit.Fabric) -> None:
+    auto = warpknit.drape(tube, locknit)
+    assert 9_000 < auto.stitches < 15_000
+    times = locknit.wales_per_cm / auto.fabric.wales_per_cm
+    assert times > 1
+    same = warpknit.drape(tube, locknit, enlarge=times)
+    assert same.fabric == auto.fabric and (same.points == auto.points).all()
+    with pytest.raises(ValueError, match="either densities or enlarge"):
+        warpknit.drape(tube, locknit, 2.0, enlarge=2.0)
+    with pytest.raises(ValueError, match="relaxed, smooth, frame"):
+        warpknit.drape(tube, locknit, mapping="rubber")  # type: ignore[arg-type]
+    with pytest.raises(warpknit.FabricError, match="wales_per_cm"):
+        warpknit.drape(tube, locknit, wales_per_cm=-1.0)

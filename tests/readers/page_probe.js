@@ -1,0 +1,46 @@
+// Put at the end of a page by tests/it/page.rs: uses the page as a person would, and says on the console what it
+// found, as words such as `turns=true`.
+(async () => {
+const errors = [], canvas = document.getElementById('view'), data = document.body.dataset;
+addEventListener('error', event => errors.push(event.message));
+addEventListener('unhandledrejection', event => errors.push(String(event.reason)));
+addEventListener('securitypolicyviolation', event => errors.push(event.blockedURI));
+console.error = console.warn = (...words) => errors.push(words.join(' '));
+while (!data.first && !data.error) await new Promise(done => setTimeout(done, 50));
+
+// The canvas after an event, in the frame that draws it: its pixels as a number, and how many of them show yarn.
+async function after(event, target = window) {
+  target.dispatchEvent(event);
+  await new Promise(requestAnimationFrame);
+  const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height });
+  const pixels = copy.getContext('2d');
+  pixels.drawImage(canvas, 0, 0);
+  const bytes = pixels.getImageData(0, 0, copy.width, copy.height).data;
+  let hash = 0, covered = 0;
+  for (let i = 0; i < bytes.length; i++) hash = hash * 31 + bytes[i] | 0;
+  for (let i = 3; i < bytes.length; i += 4) covered += bytes[i] > 0;
+  return { hash, covered: covered / (copy.width * copy.height) };
+}
+const key = name => after(new KeyboardEvent('keydown', { key: name, bubbles: true }));
+const box = canvas.getBoundingClientRect(), middle = { clientX: box.x + box.width / 2, clientY: box.y + box.height / 2 };
+
+const front = await key('f'), turned = await key('ArrowRight'), back = await key('b'), again = await key('f');
+const without = await key('1');
+await key('1');
+const loupe = await key('l');
+await key('l');
+const zoomed = await after(new WheelEvent('wheel', { deltaY: -400, ...middle }), canvas);
+const found = {
+  draws: front.covered > 0.05,
+  turns: turned.hash !== front.hash && back.hash !== front.hash,
+  returns: again.hash === front.hash,
+  hides: without.covered < front.covered,
+  magnifies: loupe.hash !== front.hash,
+  zooms: zoomed.covered > front.covered,
+  fetched: performance.getEntriesByType('resource').length,
+  facts: document.querySelectorAll('#facts dd').length,
+  error: data.error || 'none',
+  errors: errors.length ? errors.join(';').replaceAll(/[\s"<>&]+/g, '_') : 'none',
+};
+console.log('probe: ' + Object.entries(found).map(([name, value]) => `${name}=${value}`).join(' '));
+})();
