@@ -60,6 +60,8 @@ impl Shared {
             fibres: self.fibres.map(SwitchArg::is_on),
             fibre_radius: self.fibre_radius,
             centre_lines: self.curves,
+            usd_curves: self.usd_curves.into(),
+            inp: self.inp.into(),
             axes: Axes { unit: self.file_unit.into(), up: self.up.into() },
             glb: GlbOptions { precision: self.glb_precision.into(), nodes: self.nodes.into() },
             picture: self.picture(),

@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use warpknit::chart;
 use warpknit::drape::strands::Edge;
 use warpknit::export::glb::{Nodes, Precision};
-use warpknit::export::{FileUnit, Format, UpAxis};
+use warpknit::export::{FileUnit, Format, InpDialect, UpAxis, UsdCurves};
 use warpknit::map::Mapping;
 use warpknit::pipeline::{Enlarge, FREE_PULLS, LoupeChoice, STRETCHES, Stretch};
 use warpknit::render::scene::Shape;
@@ -46,6 +46,40 @@ pub(crate) enum SwitchArg {
 impl SwitchArg {
     pub(crate) fn is_on(self) -> bool {
         self == Self::On
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum UsdCurvesArg {
+    /// The yarns' own curves, in mm
+    Bezier,
+    /// Lines between data points, in metres, with the physics of the yarns, as Newton reads them
+    Linear,
+}
+
+impl From<UsdCurvesArg> for UsdCurves {
+    fn from(curves: UsdCurvesArg) -> Self {
+        match curves {
+            UsdCurvesArg::Bezier => Self::Bezier,
+            UsdCurvesArg::Linear => Self::Linear,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum InpArg {
+    /// CalculiX: square beams, and a step that runs
+    Calculix,
+    /// Abaqus: round beams, and contact pairs
+    Abaqus,
+}
+
+impl From<InpArg> for InpDialect {
+    fn from(dialect: InpArg) -> Self {
+        match dialect {
+            InpArg::Calculix => Self::Calculix,
+            InpArg::Abaqus => Self::Abaqus,
+        }
     }
 }
 

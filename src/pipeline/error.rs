@@ -206,7 +206,7 @@ pub enum RunError {
     },
     /// Fibres were asked for in a file of all frames.
     #[error(
-        "a {} of a drape sequence holds yarns and not fibres: leave out --fibres, or drape the \
+        "a {} or .usdc of a drape sequence holds yarns and not fibres: leave out --fibres, or drape the \
          frames one by one",
         Format::Usda.ending()
     )]

@@ -18,6 +18,9 @@ const PROGRAM: f64 = 35e6;
 const PIXEL: f64 = 80.0;
 /// The same where yarns are drawn as coverage masks, which are held for a few rows at a time.
 const MASK_PIXEL: f64 = 10.0;
+/// Memory of a data point's share of the lists of pieces that are drawn as masks, and of the room
+/// that a growing scene keeps.
+const MASK_POINT: f64 = 3.5;
 /// Memory of a data point in a scene.
 const POINT: f64 = 13.5;
 /// The same on a graphics adapter of software, with the copies made while uploading.
@@ -65,6 +68,7 @@ pub(super) fn file_bytes(
         Format::Curves => 34.0 * rings,
         Format::Inp => 52.0 * rings,
         Format::Usda => 116.0 * points(cloth, fabric),
+        Format::Usdc => 45.0 * points(cloth, fabric),
         Format::Npz => 115.0 * points(cloth, fabric),
         Format::Csv => 200.0 * points(cloth, fabric),
     })
@@ -109,7 +113,7 @@ fn drawing_bytes(
     // Textured yarns are traced while they are wider than a pixel, others while wider than two.
     let thin = if scene.maps.is_empty() { 1.0 } else { 2.0 };
     if options.lod && pixel > thin * thickest {
-        return MASK_PIXEL * pixels;
+        return MASK_PIXEL * pixels + MASK_POINT * points;
     }
     // A loop goes up and down its course and over to its wale.
     let stitch = 2.0 * (fabric.wale_spacing() + 2.0 * fabric.course_spacing());

@@ -3,8 +3,8 @@
 //!
 //! In: a [`Job`] on the first frame, and a [`Sequence`]. Out: files and [`Done`]. Most formats have
 //! one file for each frame. These are numbered like the frames and appear frame by frame, so they
-//! stay if a run of hours ends early. A `.usda` has all frames and appears at the end, as the
-//! report does.
+//! stay if a run of hours ends early. A `.usda` or `.usdc` has all frames and appears at the end,
+//! as the report does.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use crate::drape::sequence::LocatedCloth;
 use crate::drape::{Block, DrapeOptions, Totals};
 use crate::export::usda_frames::UsdaFramesWriter;
+use crate::export::usdc::UsdcWriter;
 use crate::export::{ClothInfo, Destination, ExportError, Format, Output, Sink};
 use crate::garment::stretch::stretch;
 use crate::garment::{Frames, Garment};
@@ -48,7 +49,7 @@ pub struct Sequence<'a> {
     pub paths: &'a [PathBuf],
     /// Whether frames that can't be read are left out.
     pub skip_bad: bool,
-    /// Frames per second in a `.usda`.
+    /// Frames per second in a `.usda` or `.usdc`.
     pub frames_per_second: f64,
 }
 
@@ -77,7 +78,7 @@ struct Show<'a, 'b, 'c> {
     setup: &'a Setup,
     located: LocatedCloth,
     files: &'a Files,
-    usda: Vec<UsdaFramesWriter<Output>>,
+    usd: Vec<Moving>,
     /// The scene for pictures, cleared for each frame. `None` without pictures.
     scene: Option<Scene>,
     /// Points around all frames, for a camera that does not move. Empty if it has its own place.
@@ -107,12 +108,12 @@ pub(super) fn make(
 
     let wants_extent = wants_picture && job.settings.picture.eye.is_none();
     let extent = if wants_extent { extent(sequence, job, &mut clock)? } else { Vec::new() };
-    let usda = files.whole.iter().filter(|(_, format)| *format == Format::Usda);
-    let info = ClothInfo::from_fabric(job.shown, setup.section);
-    let usda = usda.map(|(path, _)| {
-        UsdaFramesWriter::create(Destination::create(path)?, &info, sequence.frames_per_second)
-    });
-    let usda = usda.collect::<Result<Vec<_>, ExportError>>()?;
+    let info = ClothInfo {
+        usd_curves: job.settings.usd_curves,
+        ..ClothInfo::from_fabric(job.shown, setup.section)
+    };
+    let usd = files.whole.iter().filter_map(|wanted| Moving::create(wanted, &info, sequence));
+    let usd = usd.collect::<Result<Vec<_>, ExportError>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
     // Location is the same for all frames, because it only depends on the flat panels.
@@ -132,7 +133,7 @@ pub(super) fn make(
         setup: &setup,
         located,
         files: &files,
-        usda,
+        usd,
         scene,
         extent,
         panels: vec![StrainCounts::default(); job.cloth.garment().panels.len()],
@@ -146,10 +147,10 @@ pub(super) fn make(
         show.warn(locked);
     }
     cache.keep(job.cloth);
-    let Show { located, usda, strain, drawn_by, warnings, .. } = show;
+    let Show { located, usd, strain, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
-    let usda = usda.into_iter().map(|writer| Box::new(writer).finish());
-    let mut finished = usda.collect::<Result<Vec<_>, _>>()?;
+    let usd = usd.into_iter().map(Moving::finish);
+    let mut finished = usd.collect::<Result<Vec<_>, _>>()?;
     clock.stop();
     let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
     let totals = Totals { strain, ..*located.totals() };
@@ -169,6 +170,54 @@ pub(super) fn make(
     Ok(Done { parts, frames, real: None, stretched: None })
 }
 
+/// A writer of all frames.
+enum Moving {
+    Text(Box<UsdaFramesWriter<Output>>),
+    Crate(Box<UsdcWriter<Output>>),
+}
+
+impl Moving {
+    /// The writer of a file, if its format holds all frames.
+    fn create(
+        (path, format): &Wanted,
+        info: &ClothInfo<'_>,
+        sequence: &Sequence<'_>,
+    ) -> Option<Result<Self, ExportError>> {
+        let speed = sequence.frames_per_second;
+        let target = || Destination::create(path);
+        match format {
+            Format::Usda => Some(target().and_then(|target| {
+                Ok(Self::Text(Box::new(UsdaFramesWriter::create(target, info, speed)?)))
+            })),
+            Format::Usdc => Some(target().and_then(|target| {
+                Ok(Self::Crate(Box::new(UsdcWriter::create_moving(target, info, speed)?)))
+            })),
+            _ => None,
+        }
+    }
+
+    fn begin_frame(&mut self, code: u32) -> Result<(), ExportError> {
+        match self {
+            Self::Text(writer) => writer.begin_frame(code),
+            Self::Crate(writer) => writer.begin_frame(code),
+        }
+    }
+
+    fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
+        match self {
+            Self::Text(writer) => writer.take(blocks),
+            Self::Crate(writer) => writer.take(blocks),
+        }
+    }
+
+    fn finish(self) -> Result<Output, ExportError> {
+        match self {
+            Self::Text(writer) => writer.finish(),
+            Self::Crate(writer) => writer.finish(),
+        }
+    }
+}
+
 /// Refuses settings that a sequence can't have, before any work.
 fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<(), RunError> {
     let stitches = job.cloth.stitches();
@@ -177,7 +226,7 @@ fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<
         return Err(RunError::NotOfSequence { frames: sequence.paths.len() });
     }
     if job.settings.fibres == Some(true)
-        && job.outputs.iter().any(|(_, format)| *format == Format::Usda)
+        && job.outputs.iter().any(|(_, format)| format.holds_sequences())
     {
         return Err(RunError::FibresOfSequence);
     }
@@ -191,11 +240,12 @@ fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<
 }
 
 impl Files {
-    /// The files for `count` frames: a `.usda` and a report have all frames, other formats one each.
+    /// The files for `count` frames: stages of USD and a report have all frames, other formats one
+    /// each.
     fn new(wanted: Vec<Wanted>, count: u32) -> Self {
         let (whole, single): (Vec<_>, Vec<_>) = wanted
             .into_iter()
-            .partition(|(_, format)| matches!(format, Format::Usda | Format::Json));
+            .partition(|(_, format)| format.holds_sequences() || *format == Format::Json);
         let numbered = single
             .into_iter()
             .map(|(path, format)| (numbered(&path, format.ending(), count), format))
@@ -284,10 +334,10 @@ impl Show<'_, '_, '_> {
 
     /// Makes a frame's files.
     fn frame(&mut self, garment: &Garment, number: usize) -> Result<(), RunError> {
-        let Self { job, setup, located, files, usda, scene, panels, strain, clock, .. } = self;
+        let Self { job, setup, located, files, usd, scene, panels, strain, clock, .. } = self;
         let own = files.of_frame(number);
         let mut sinks = sinks(&own, job, setup, &garment.panels)?;
-        usda.iter_mut().try_for_each(|usda| usda.begin_frame(index32(number + 1)))?;
+        usd.iter_mut().try_for_each(|usd| usd.begin_frame(index32(number + 1)))?;
         if let Some(scene) = scene {
             scene.clear();
         }
@@ -297,7 +347,7 @@ impl Show<'_, '_, '_> {
             if let Some(scene) = scene {
                 blocks.iter().for_each(|block| cloth::add_to(scene, block));
             }
-            usda.iter_mut().try_for_each(|usda| usda.take(blocks))?;
+            usd.iter_mut().try_for_each(|usd| usd.take(blocks))?;
             sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
         };
         let options: &DrapeOptions = &setup.options;

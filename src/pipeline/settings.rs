@@ -11,7 +11,7 @@ use super::stretch::Stretch;
 use crate::drape;
 use crate::drape::strands::Edge;
 use crate::export::glb::GlbOptions;
-use crate::export::{Axes, Format};
+use crate::export::{Axes, Format, InpDialect, UsdCurves};
 use crate::map::Mapping;
 use crate::render::scene::Shape;
 use crate::render::{Background, Camera, RendererChoice, View};
@@ -69,6 +69,10 @@ pub struct Settings {
     pub fibre_radius: f64,
     /// Whether an `.obj` has centre lines in place of tubes.
     pub centre_lines: bool,
+    /// The curves of `.usda` and `.usdc`.
+    pub usd_curves: UsdCurves,
+    /// Whose keywords an `.inp` has.
+    pub inp: InpDialect,
     /// Unit and upright axis of `.ply` and `.obj`.
     pub axes: Axes,
     /// How a `.glb` holds its meshes.
@@ -179,6 +183,8 @@ impl Default for Settings {
             fibres: None,
             fibre_radius: FIBRE_RADIUS,
             centre_lines: false,
+            usd_curves: UsdCurves::default(),
+            inp: InpDialect::default(),
             axes: Axes::default(),
             glb: GlbOptions::default(),
             picture: PictureSettings::default(),

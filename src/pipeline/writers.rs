@@ -13,7 +13,7 @@ use super::settings::{Settings, Wanted};
 use super::setup::Setup;
 use super::targets::check_distinct;
 use super::textures::Textures;
-use crate::export::{ClothInfo, Expected, ExportError, FileWriter, Format, Output, mtl};
+use crate::export::{ClothInfo, Expected, ExportError, FileWriter, Format, Output, bcc, mtl};
 use crate::garment::Panel;
 
 /// The chosen files, or one picture that is named after the input.
@@ -46,6 +46,7 @@ pub(super) fn check_places<'a>(
         .flat_map(|(path, format)| match format {
             Format::Obj => mtl::paths(path, textures.count()),
             Format::ObjLines => mtl::paths(path, 0),
+            Format::Bcc => vec![bcc::companion_path(path)],
             _ => Vec::new(),
         })
         .collect();
@@ -71,8 +72,16 @@ fn cloth_info<'a>(job: &Job<'_>, setup: &Setup, panels: &'a [Panel]) -> ClothInf
     // Some formats begin with their number of blocks and yarns, before any yarn is laid.
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
     let facts = setup.facts.clone();
-    let Settings { axes, glb, .. } = *job.settings;
-    ClothInfo { expected: Some(expected), axes, facts, glb, ..info.on_panels(panels) }
+    let Settings { axes, glb, inp, usd_curves, .. } = *job.settings;
+    ClothInfo {
+        expected: Some(expected),
+        axes,
+        facts,
+        glb,
+        inp,
+        usd_curves,
+        ..info.on_panels(panels)
+    }
 }
 
 /// The writers of all files that are written block by block, of yarns on these panels.

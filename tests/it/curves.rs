@@ -20,7 +20,7 @@ fn knitted(folder: &Path) {
         .args([mesh("pinch_flat.obj"), mesh("pinch_draped.obj")]);
     command
         .args(["--fabric", "locknit", "--wales-per-cm", "1", "--courses-per-cm", "1.5", "--quiet"])
-        .args(["--st", &ST.to_string()]);
+        .args(["--st", &ST.to_string(), "--inp", "abaqus"]);
     let outputs = ["s.bcc", "s.curves.txt", "s.inp", "s.npz", "s.usda", "s.csv"];
     command.args(outputs.iter().flat_map(|out| ["-o", out])).assert().success().stderr("");
 }
@@ -62,10 +62,18 @@ pub(crate) fn bcc(bytes: &[u8]) -> Vec<Vec<[f64; 3]>> {
             let floats: Vec<f32> = bytemuck::pod_collect_to_vec(take(
                 12 * usize::try_from(count).expect("no closed curve"),
             ));
-            floats.as_chunks::<3>().0.iter().map(|point| point.map(f64::from)).collect()
+            let points: Vec<_> =
+                floats.as_chunks::<3>().0.iter().map(|point| point.map(f64::from)).collect();
+            // Readers draw from the second point to the last but one, where the curve ends.
+            let [first, end, inner, ..] = points[..] else { panic!("{points:?}") };
+            assert!(first.iter().zip(end).zip(inner).all(|((a, b), c)| {
+                let slack = 1e-4 + 1e-6 * b.abs();
+                (a - 2.0 * b + c).abs() < slack
+            }));
+            points[1..points.len() - 1].to_vec()
         })
         .collect();
-    assert!(rest.is_empty() && read.iter().map(Vec::len).sum::<usize>() == points);
+    assert!(rest.is_empty() && read.iter().map(|curve| curve.len() + 2).sum::<usize>() == points);
     read
 }
 

@@ -138,13 +138,14 @@ fn files_that_are_no_mesh_are_named() {
     check("blanks", b"  \n\t\n\r\n   ", 0, "no OBJ");
     check("a comment", b"# nothing", 0, "no OBJ");
     check("a mark alone", b"\xEF\xBB\xBF", 0, "no OBJ");
-    check("a picture", b"\x89PNG\r\n\x1A\n\0\0\0\rIHDR\0\0\x01\0", 0, "no OBJ");
+    check("a picture", b"\x89PNG\r\n\x1A\n\0\0\0\rIHDR\0\0\x01\0", 0, "this is a picture");
+    check("FBX", b"Kaydara FBX Binary  \0", 0, "this is FBX; export OBJ or PLY");
     check("UTF-16", b"\xFF\xFEv\0 \x000\0 \x000\0 \x000\0\n\0", 0, "UTF-16");
     check(
         "a PLY file",
         b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n0 0 0\n",
         0,
-        "no OBJ",
+        "vertex 0 is cut off",
     );
     check("texture alone", b"vt 0 0\nvt 1 0\n", 0, "no OBJ");
     check("vertices alone", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 3\n", 0, "3 vertices and no face");

@@ -40,6 +40,14 @@ pub fn whole(number: f32) -> usize {
     number as usize
 }
 
+/// The whole part; 0 where the number is negative or not a number.
+#[inline]
+#[must_use]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+pub fn whole_f64(number: f64) -> usize {
+    number as usize
+}
+
 /// The nearest byte, 0 or 255 beyond its range.
 ///
 /// ```

@@ -35,6 +35,11 @@ impl Buffer {
         &mut self.bytes[start..self.length]
     }
 
+    /// The first bytes, to be overwritten.
+    pub(super) fn start(&mut self, count: usize) -> &mut [u8] {
+        &mut self.bytes[..count]
+    }
+
     /// Removes the last bytes.
     pub(super) fn shrink(&mut self, count: usize) {
         self.length -= count;

@@ -21,6 +21,8 @@ pub enum Format {
     Html,
     /// USD text: curves.
     Usda,
+    /// USD crate: the same in binary form.
+    Usdc,
     /// Binary Curve Collection: centre lines.
     Bcc,
     /// Mitsuba's curves, as text.
@@ -36,13 +38,14 @@ pub enum Format {
 }
 
 /// What endings ask for.
-const ENDINGS: [(&str, Format); 12] = [
+const ENDINGS: [(&str, Format); 13] = [
     (".png", Format::Png),
     (".glb", Format::Glb),
     (".obj", Format::Obj),
     (".ply", Format::Ply),
     (".html", Format::Html),
     (".usda", Format::Usda),
+    (".usdc", Format::Usdc),
     (".bcc", Format::Bcc),
     (".curves.txt", Format::Curves),
     (".inp", Format::Inp),
@@ -92,6 +95,12 @@ impl Format {
     #[must_use]
     pub fn holds_tubes(self) -> bool {
         matches!(self, Self::Glb | Self::Obj | Self::Ply)
+    }
+
+    /// Whether it holds all frames of a drape sequence.
+    #[must_use]
+    pub fn holds_sequences(self) -> bool {
+        matches!(self, Self::Usda | Self::Usdc)
     }
 
     /// Whether it holds pictures of yarns.

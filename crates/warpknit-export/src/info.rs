@@ -9,7 +9,9 @@ use std::sync::Arc;
 use super::axes::Axes;
 use super::facts::Facts;
 use super::glb::GlbOptions;
+use super::inp::InpDialect;
 use super::texture::TextureSet;
+use super::usd_stage::UsdCurves;
 use warpknit_core::fabric::Fabric;
 use warpknit_core::fabric::yarn::{Color, Yarn};
 use warpknit_core::garment::Panel;
@@ -39,12 +41,26 @@ pub struct StrandStyle {
     pub radius: f64,
     /// Mass over volume of the strand, air included, g/cm³.
     pub density: f64,
+    /// Mass of a kilometre of the strand, g. Strands of enlarged cloth are as heavy as leaves the
+    /// mass of the cloth.
+    pub tex: f64,
+    /// Young's modulus of its fibres, GPa.
+    pub modulus: f64,
+    /// Share of its section that is fibre.
+    pub packing: f64,
 }
 
 impl StrandStyle {
     fn new(number: usize, yarn: &Yarn, radius: f64) -> Self {
-        let density = yarn.density * yarn.packing;
-        Self { name: format!("bar {number}"), color: yarn.color, radius, density }
+        Self {
+            name: format!("bar {number}"),
+            color: yarn.color,
+            radius,
+            density: yarn.density * yarn.packing,
+            tex: yarn.tex_in_cloth(),
+            modulus: yarn.modulus_gpa(),
+            packing: yarn.packing,
+        }
     }
 
     /// The styles of a fabric's yarns, one a bar, where the thickest has that radius.
@@ -52,7 +68,10 @@ impl StrandStyle {
     pub fn from_fabric(fabric: &Fabric, radius: f64) -> Vec<Self> {
         let yarns = fabric.yarns().zip(fabric.thickness()).zip(1..);
         yarns
-            .map(|((yarn, thickness), number)| Self::new(number, yarn, radius * thickness))
+            .map(|((yarn, thickness), number)| {
+                let style = Self::new(number, yarn, radius * thickness);
+                Self { tex: style.tex * fabric.enlargement, ..style }
+            })
             .collect()
     }
 
@@ -61,7 +80,13 @@ impl StrandStyle {
     #[must_use]
     pub fn from_bundles(fabric: &Fabric, bundles: &[Bundle]) -> Vec<Self> {
         let yarns = fabric.yarns().zip(bundles).zip(1..);
-        yarns.map(|((yarn, bundle), number)| Self::new(number, yarn, bundle.fibre)).collect()
+        let style = |((yarn, bundle), number): ((&Yarn, &Bundle), usize)| {
+            let style = Self::new(number, yarn, bundle.fibre);
+            // A kilometre of a mm² holds 1000 cm³.
+            let section = std::f64::consts::PI * bundle.fibre * bundle.fibre;
+            Self { tex: 1000.0 * yarn.density * section, packing: 1.0, ..style }
+        };
+        yarns.map(style).collect()
     }
 
     /// Radius as files hold it, mm.
@@ -95,6 +120,10 @@ pub struct ClothInfo<'a> {
     /// How much is to come at the most, where it is known. A `.glb` keeps room for as much, and
     /// refuses more; without this its body waits in a temporary file and is copied at the end.
     pub expected: Option<Expected>,
+    /// The curves of `.usda` and `.usdc`.
+    pub usd_curves: UsdCurves,
+    /// Whose keywords an `.inp` has.
+    pub inp: InpDialect,
     /// Unit and upright axis of `.ply` and `.obj`.
     pub axes: Axes,
     /// How a `.glb` holds its meshes.
@@ -116,6 +145,8 @@ impl<'a> ClothInfo<'a> {
             textures: Arc::default(),
             bundles: Vec::new(),
             expected: None,
+            usd_curves: UsdCurves::default(),
+            inp: InpDialect::default(),
             axes: Axes::default(),
             glb: GlbOptions::default(),
             facts: Facts::default(),

@@ -1,11 +1,21 @@
-//! Yarns as Abaqus input (Dassault Systèmes, "Abaqus Keywords Guide"): two-node beams (B31) along
-//! the centre lines, a section and a material a bar, contact pairs between the bars; mm, tonnes, N,
-//! MPa.
+//! Yarns as finite elements: beams along the centre lines, sections and a material a bar; mm,
+//! tonnes, N, MPa. Keywords are those of CalculiX (Dhondt, "CalculiX CrunchiX User's Manual") or of
+//! Abaqus (Dassault Systèmes, "Abaqus Keywords Guide").
 //!
-//! Each bar of each panel has an element set, such as `PANEL_0_BAR_1`. A fabric knows nothing of
-//! Young's modulus and friction: the file holds values to be replaced, with a comment. Density is
-//! that of the yarn, fibre and air together. The file is written in one pass. Nodes come first.
-//! Elements follow from the strands' numbers of nodes, 4 bytes a strand, and are made at the end.
+//! Beams have two nodes (B31).
+//!
+//! - CalculiX has no round ones, so the section is the square of the same area, which bends 5 %
+//!   less. (Its round beams have three nodes, and turn inside out in narrow bends.) The file ends
+//!   with a step that runs as it is: yarns hang in their own weight, clamped at their ends. Its
+//!   contact diverged between yarns that touch from the start, so there is none.
+//! - Abaqus gets round beams, and contact pairs between the bars.
+//!
+//! Each bar of each panel has an element set, such as `PANEL_0_BAR_1`, and in it a set for each
+//! first axis of a section: that axis of x, y and z from which the beam leans most, so no beam runs
+//! along it. Young's modulus is that of the yarn's fibres in its section. Friction is not known:
+//! the file holds a value to be replaced, with a comment. The file is written in one pass. Nodes
+//! come first. Elements follow from the strands' numbers of nodes, 4 bytes a strand and one a beam,
+//! and are made at the end.
 
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
@@ -13,18 +23,34 @@ use std::io::{Seek, Write};
 use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
 use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle, lines};
+use glam::Vec3;
 use warpknit_core::drape::Block;
+use warpknit_core::number::narrow;
 
-/// Young's modulus, MPa, and Poisson's ratio: of soft fibres, for a first run.
-const ELASTIC: (f64, f64) = (1000.0, 0.3);
+const POISSON: f64 = 0.3;
+/// MPa in a GPa.
+const MPA: f64 = 1e3;
+/// Gravity, mm/s².
+const GRAVITY: f64 = 9810.0;
 const FRICTION: f64 = 0.3;
 /// Tonnes per mm³ in a g/cm³.
 const DENSITY: f64 = 1e-9;
-/// The first axis of a beam's section. A round section may have any but the beam's own direction,
-/// and along this one no yarn runs.
-const FIRST_AXIS: &str = "0.3713, 0.5571, 0.7428";
+/// The first axes of sections, with the names of their sets.
+const AXES: [(&str, &str); 3] = [("X", "1.,0.,0."), ("Y", "0.,1.,0."), ("Z", "0.,0.,1.")];
+/// Numbers on a line of a set.
+const ON_A_LINE: usize = 16;
 /// Strands whose elements are made at a time by one thread.
 const STRANDS: usize = 64;
+
+/// Whose keywords an `.inp` has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum InpDialect {
+    /// CalculiX: with a step that runs.
+    #[default]
+    Calculix,
+    /// Abaqus: with contact pairs.
+    Abaqus,
+}
 
 /// The elements of one bar of a panel.
 #[derive(Debug)]
@@ -33,6 +59,8 @@ struct ElementSet {
     bar: usize,
     /// Nodes of each strand.
     strands: Vec<u32>,
+    /// The section's first axis of each beam, in [`AXES`].
+    axes: Vec<u8>,
 }
 
 /// Some strands with the numbers of their first node and their first element.
@@ -43,11 +71,12 @@ struct NumberedStrands<'a> {
     element: u64,
 }
 
-/// Writes beams as Abaqus input.
+/// Writes beams.
 #[derive(Debug)]
 pub struct InpWriter<W> {
     target: Destination<W>,
     st: u32,
+    dialect: InpDialect,
     styles: Vec<StrandStyle>,
     sets: Vec<ElementSet>,
     /// Nodes so far.
@@ -71,6 +100,7 @@ impl<W: Write + Seek + Send> InpWriter<W> {
         Ok(Self {
             target,
             st: cloth.section.st,
+            dialect: cloth.inp,
             styles: cloth.strands.clone(),
             sets: Vec::new(),
             nodes: 0,
@@ -82,20 +112,23 @@ impl<W: Write + Seek + Send> InpWriter<W> {
     fn write_elements(&mut self) -> Result<(), ExportError> {
         let Self { target, sets, conveyor, .. } = self;
         let (mut node, mut element) = (1, 1);
+        let mut ends = String::new();
         for set in sets {
-            let name = set.name();
+            let (name, first) = (set.name(), element);
             target.write_with(|file| writeln!(file, "*ELEMENT, TYPE=B31, ELSET={name}"))?;
             let mut numbered = Vec::new();
             for strands in set.strands.chunks(STRANDS) {
                 numbered.push(NumberedStrands { strands, node, element });
                 for &nodes in strands {
+                    ends += &format!("{node},{}\n", node + u64::from(nodes) - 1);
                     node += u64::from(nodes);
                     element += u64::from(nodes) - 1;
                 }
             }
             conveyor.carry(&numbered, add_elements, |text| target.write(text))?;
+            target.write(set.axis_sets(first).as_bytes())?;
         }
-        Ok(())
+        target.write_with(|file| write!(file, "*NSET, NSET=ENDS\n{ends}"))
     }
 
     /// Sections and materials.
@@ -103,20 +136,30 @@ impl<W: Write + Seek + Send> InpWriter<W> {
         let mut text = String::new();
         for set in &self.sets {
             let (name, number) = (set.name(), set.bar + 1);
-            let radius = self.styles[set.bar].radius_f32();
-            text += &format!(
-                "*BEAM SECTION, ELSET={name}, MATERIAL=YARN_{number}, SECTION=CIRC\n\
-                 {radius}\n{FIRST_AXIS}\n"
-            );
+            let radius = self.styles[set.bar].radius;
+            let section = match self.dialect {
+                // The square of the circle's area.
+                InpDialect::Calculix => {
+                    let side = narrow(radius * std::f64::consts::PI.sqrt());
+                    format!("RECT\n{side},{side}")
+                }
+                InpDialect::Abaqus => format!("CIRC\n{}", narrow(radius)),
+            };
+            for (_, (axis, vector)) in set.used_axes() {
+                text += &format!(
+                    "*BEAM SECTION, ELSET={name}_{axis}, MATERIAL=YARN_{number}, SECTION={section}\n\
+                     {vector}\n"
+                );
+            }
         }
         for (style, number) in self.styles.iter().zip(1..) {
             let density = style.density * DENSITY;
-            let (young, poisson) = ELASTIC;
+            let young = style.modulus * style.packing * MPA;
             text += &format!(
                 "*MATERIAL, NAME=YARN_{number}\n*DENSITY\n{density:e}\n\
-                 ** A fabric file does not know Young's modulus and Poisson's ratio: \
-                 put your yarn's here.\n\
-                 *ELASTIC\n{young:?}, {poisson:?}\n"
+                 ** Young's modulus is that of the fibres, by the yarn's modulus or density in the \
+                 fabric file: put your yarn's here.\n\
+                 *ELASTIC\n{young:?}, {POISSON:?}\n"
             );
         }
         text
@@ -140,13 +183,22 @@ impl<W: Write + Seek + Send> InpWriter<W> {
             for other in &laid[at..] {
                 let (number, other) = (bar + 1, other + 1);
                 text += &format!(
-                    "*CONTACT PAIR, INTERACTION=YARN_ON_YARN\n\
+                    "*CONTACT PAIR, INTERACTION=YARN_ON_YARN, TYPE=NODE TO SURFACE\n\
                      SURFACE_{number}, SURFACE_{other}\n"
                 );
             }
         }
         text
     }
+}
+
+/// A step of CalculiX: all yarns in their own weight, clamped at their ends.
+fn step(sets: &[ElementSet]) -> String {
+    let loads = sets.iter().map(|set| format!("{},GRAV,{GRAVITY:?},0.,-1.,0.\n", set.name()));
+    format!(
+        "*STEP\n*STATIC\n*BOUNDARY\nENDS,1,6\n*DLOAD\n{}*NODE FILE\nU\n*END STEP\n",
+        loads.collect::<String>()
+    )
 }
 
 impl<W: Write + Seek + Send> Sink<W> for InpWriter<W> {
@@ -156,13 +208,15 @@ impl<W: Write + Seek + Send> Sink<W> for InpWriter<W> {
         for block in blocks.iter().filter(|block| !block.strands.strands.is_empty()) {
             let (panel, bar) = (block.panel, block.bar);
             if sets.last().is_none_or(|set| (set.panel, set.bar) != (panel, bar)) {
-                sets.push(ElementSet { panel, bar, strands: Vec::new() });
+                sets.push(ElementSet { panel, bar, strands: Vec::new(), axes: Vec::new() });
             }
             // The format counts from 1.
             numbered.push((block, *nodes + 1));
             *nodes += lines::count_all(block, *st);
             let counts = block.strands.strands.iter().map(|strand| lines::count(strand, *st));
-            sets.last_mut().expect("pushed above").strands.extend(counts);
+            let set = sets.last_mut().expect("pushed above");
+            set.strands.extend(counts);
+            lines::each(block, *st, |line| set.axes.extend(line.windows(2).map(first_axis)));
         }
         conveyor.carry(
             &numbered,
@@ -173,7 +227,11 @@ impl<W: Write + Seek + Send> Sink<W> for InpWriter<W> {
 
     fn finish(mut self: Box<Self>) -> Result<W, ExportError> {
         self.write_elements()?;
-        let properties = self.materials() + &self.contact();
+        let properties = self.materials()
+            + &match self.dialect {
+                InpDialect::Calculix => step(&self.sets),
+                InpDialect::Abaqus => self.contact(),
+            };
         self.target.write(properties.as_bytes())?;
         self.target.finish()
     }
@@ -182,6 +240,28 @@ impl<W: Write + Seek + Send> Sink<W> for InpWriter<W> {
 impl ElementSet {
     fn name(&self) -> String {
         format!("PANEL_{}_BAR_{}", self.panel, self.bar + 1)
+    }
+
+    /// The first axes that its beams have.
+    fn used_axes(&self) -> impl Iterator<Item = (u8, (&'static str, &'static str))> {
+        (0..).zip(AXES).filter(|(axis, _)| self.axes.contains(axis))
+    }
+
+    /// A set of elements for each first axis, where the first element has this number.
+    fn axis_sets(&self, first: u64) -> String {
+        let mut text = String::new();
+        for (axis, (name, _)) in self.used_axes() {
+            text += &format!("*ELSET, ELSET={}_{name}\n", self.name());
+            let own = (first..).zip(&self.axes).filter(|(_, own)| **own == axis);
+            for (index, (element, _)) in own.enumerate() {
+                if index > 0 {
+                    text += if index % ON_A_LINE == 0 { ",\n" } else { "," };
+                }
+                text += &element.to_string();
+            }
+            text += "\n";
+        }
+        text
     }
 }
 
@@ -195,6 +275,19 @@ fn add_nodes(block: &Block, st: u32, mut number: u64, text: &mut Buffer) {
             number += 1;
         }
     });
+}
+
+/// The axis from which a beam leans most.
+fn first_axis(nodes: &[Vec3]) -> u8 {
+    let along = (nodes[nodes.len() - 1] - nodes[0]).abs();
+    let [x, y, z] = along.to_array();
+    if x <= y && x <= z {
+        0
+    } else if y <= z {
+        1
+    } else {
+        2
+    }
 }
 
 /// A line an element: its number, and its two nodes.

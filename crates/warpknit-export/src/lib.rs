@@ -18,6 +18,8 @@ mod axes;
 mod base64;
 pub mod bcc;
 mod buffer;
+mod crate_file;
+mod crate_ints;
 pub mod csv;
 pub mod curves;
 mod destination;
@@ -46,8 +48,10 @@ pub mod png;
 mod spool;
 mod temporary;
 mod texture;
+mod usd_stage;
 pub mod usda;
 pub mod usda_frames;
+pub mod usdc;
 mod whole;
 
 use std::io::{Seek, Write};
@@ -60,10 +64,12 @@ pub use file_writer::FileWriter;
 pub use folder::OutputFolder;
 pub use format::Format;
 pub use info::{ClothInfo, Expected, StrandStyle, default_section};
+pub use inp::InpDialect;
 pub use mtl::Companion;
 pub use output::Output;
 pub use temporary::{TemporaryFolder, remove_temporaries};
 pub use texture::TextureSet;
+pub use usd_stage::UsdCurves;
 use warpknit_core::drape::Block;
 pub use whole::{WriteOptions, Written, write};
 
@@ -126,6 +132,7 @@ pub fn writer<'a, W: Write + Seek + Send + 'a>(
         Format::Ply => Box::new(ply::PlyWriter::create(target, cloth)?),
         Format::Html => Box::new(html::HtmlWriter::create(target, cloth)?),
         Format::Usda => Box::new(usda::UsdaWriter::create(target, cloth)?),
+        Format::Usdc => Box::new(usdc::UsdcWriter::create(target, cloth)?),
         Format::Bcc => Box::new(bcc::BccWriter::create(target, cloth)?),
         Format::Curves => Box::new(curves::CurvesWriter::create(target, cloth)?),
         Format::Inp => Box::new(inp::InpWriter::create(target, cloth)?),

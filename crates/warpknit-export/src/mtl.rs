@@ -11,11 +11,12 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::texture::{Texture, TextureSet};
-use super::{ClothInfo, Format, StrandStyle};
+use super::{ClothInfo, Format, StrandStyle, bcc};
 use warpknit_render::cloth::ROUGHNESS;
 
 /// The `.obj` whose companions they are, where its path is not known.
 const UNNAMED: &str = "yarns.obj";
+const UNNAMED_BCC: &str = "yarns.bcc";
 
 /// A file that belongs beside another one.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,7 +52,8 @@ pub fn paths(obj: &Path, textures: usize) -> Vec<PathBuf> {
         .collect()
 }
 
-/// The companions of a file of that format and path: none but for an `.obj`. Without a path they
+/// The companions of a file of that format and path: none but for an `.obj`, and a `.bcc`, whose is
+/// [`bcc::companion`]. Without a path they
 /// are `yarns.mtl`, `yarns-yarn-1.png` and so on.
 #[must_use]
 pub fn companions<'c>(
@@ -62,6 +64,7 @@ pub fn companions<'c>(
     let no_textures = TextureSet::default();
     let textures = match format {
         Format::Obj => &*cloth.textures,
+        Format::Bcc => return vec![bcc::companion(path.unwrap_or(Path::new(UNNAMED_BCC)), cloth)],
         // A line has no surface to put a picture on.
         Format::ObjLines => &no_textures,
         _ => return Vec::new(),

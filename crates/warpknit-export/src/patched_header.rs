@@ -64,6 +64,42 @@ impl<W: Write + Seek> PatchedHeader<W> {
         }
     }
 
+    /// Lets `write` append to the body.
+    pub(super) fn write_with<T>(
+        &mut self,
+        write: impl FnOnce(&mut dyn Write) -> std::io::Result<T>,
+    ) -> Result<T, ExportError> {
+        match &mut self.waiting {
+            Some(waiting) => {
+                let result = write(waiting);
+                self.target.name_error(result)
+            }
+            None => self.target.write_with(|bytes| write(bytes)),
+        }
+    }
+
+    /// Overwrites bytes of the body, `at` of them behind the file's beginning. What comes next is
+    /// appended.
+    pub(super) fn patch(&mut self, at: u64, bytes: &[u8]) -> Result<(), ExportError> {
+        if let Some(waiting) = &mut self.waiting {
+            // The header comes in front of the spool.
+            let result = waiting.patch(at - self.room as u64, bytes);
+            return self.target.name_error(result);
+        }
+        let place = self.start + at;
+        self.target.write_with(|file| {
+            let end = file.stream_position()?;
+            file.seek(SeekFrom::Start(place))?;
+            file.write_all(bytes)?;
+            file.seek(SeekFrom::Start(end)).map(drop)
+        })
+    }
+
+    /// The result with the target's name in its error.
+    pub(super) fn name_error<T>(&self, result: std::io::Result<T>) -> Result<T, ExportError> {
+        self.target.name_error(result)
+    }
+
     /// Puts the header in front, flushes, and gives the target back, positioned at the file's end.
     ///
     /// # Errors

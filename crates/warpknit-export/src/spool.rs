@@ -40,6 +40,13 @@ impl Spool {
         Ok(())
     }
 
+    /// Overwrites bytes that are there.
+    pub(super) fn patch(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
+        self.file.seek(SeekFrom::Start(at))?;
+        self.file.write_all(bytes)?;
+        self.file.seek(SeekFrom::Start(self.length)).map(drop)
+    }
+
     /// Copies a range of its bytes, and keeps them.
     pub(super) fn copy(
         &mut self,

@@ -18,24 +18,23 @@ use rayon::prelude::*;
 use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
 use super::spool::Spool;
+use super::usd_stage::{
+    EMPTY, MATERIAL_SCHEMAS, UsdCurves, blocks_by_prim, bounds, course_and_wale, each_point,
+    is_at_rest, physics, rest_points, union, widened, width,
+};
 use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle};
 use warpknit_core::drape::Block;
-use warpknit_core::drape::strands::{CUT, Strand};
 use warpknit_core::ids::index32;
 use warpknit_core::number::narrow;
 use warpknit_core::yarn::curve;
 use warpknit_render::cloth::ROUGHNESS;
-
-/// The bounding box of no points.
-pub(super) const EMPTY: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-/// The course and the wale of a point that has none.
-const UNKNOWN: i32 = -1;
 
 /// Writes yarns as USD curves.
 #[derive(Debug)]
 pub struct UsdaWriter<W> {
     target: Destination<W>,
     styles: Vec<StrandStyle>,
+    curves: UsdCurves,
     current: Option<CurrentPrim>,
     attributes: Attributes,
     conveyor: Conveyor,
@@ -46,22 +45,28 @@ pub struct UsdaWriter<W> {
 struct CurrentPrim {
     panel: usize,
     bar: usize,
-    /// Lowest and highest control point so far, mm.
+    /// Lowest and highest control point so far, in the stage's units.
     extent: [Vec3; 2],
 }
 
 /// The arrays that come after the points, in their order in the file.
 #[derive(Debug)]
-pub(super) struct Attributes([(Attribute, Spool); 5]);
+pub(super) struct Attributes {
+    curves: UsdCurves,
+    arrays: Vec<(Attribute, Spool)>,
+    /// Whether the yarns lie as in the flat cloth so far: then their rest shape is left out.
+    are_at_rest: bool,
+}
 
 /// An array beside the points.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Attribute {
     Counts,
     Yarns,
     Courses,
     Wales,
     Lengths,
+    Rest,
 }
 
 impl<W: Write + Seek + Send> UsdaWriter<W> {
@@ -70,10 +75,11 @@ impl<W: Write + Seek + Send> UsdaWriter<W> {
     /// # Errors
     /// [`ExportError::Io`].
     pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
-        let styles = cloth.strands.clone();
-        target.write(beginning(&styles, "").as_bytes())?;
-        let attributes = Attributes::create(&target)?;
-        Ok(Self { target, styles, current: None, attributes, conveyor: Conveyor::default() })
+        let (styles, curves) = (cloth.strands.clone(), cloth.usd_curves);
+        target.write(beginning(&styles, curves, "").as_bytes())?;
+        let attributes = Attributes::create(&target, curves)?;
+        let conveyor = Conveyor::default();
+        Ok(Self { target, styles, curves, current: None, attributes, conveyor })
     }
 
     /// Adds blocks of one bar of one panel.
@@ -81,36 +87,36 @@ impl<W: Write + Seek + Send> UsdaWriter<W> {
         let (panel, bar) = (blocks[0].panel, blocks[0].bar);
         if self.current.as_ref().is_none_or(|prim| (prim.panel, prim.bar) != (panel, bar)) {
             self.end_prim()?;
-            let text = prim_beginning(panel, bar, &self.styles[bar]);
+            let text = prim_beginning(panel, bar, &self.styles[bar], self.curves);
             self.target.write_with(|file| write!(file, "{text}        point3f[] points = ["))?;
             self.current = Some(CurrentPrim { panel, bar, extent: EMPTY });
         }
-        let Self { target, current, attributes, conveyor, .. } = self;
+        let Self { target, curves, current, attributes, conveyor, .. } = self;
+        let curves = *curves;
         // The extent comes after the points in the file, so it needs no second pass.
         if let Some(CurrentPrim { extent, .. }) = current {
-            *extent = blocks.par_iter().map(bounds).reduce(|| *extent, union);
+            *extent =
+                blocks.par_iter().map(|block| bounds(block, curves)).reduce(|| *extent, union);
         }
-        conveyor.carry(blocks, add_points, |text| target.write(text))?;
+        conveyor.carry(
+            blocks,
+            |block, text| add_points(block, curves, text),
+            |text| target.write(text),
+        )?;
         attributes.add(blocks, conveyor, target)
     }
 
     /// Closes the prim that is being written, if there is one.
     fn end_prim(&mut self) -> Result<(), ExportError> {
         let Some(CurrentPrim { bar, extent, .. }) = self.current.take() else { return Ok(()) };
-        let Self { target, styles, attributes, .. } = self;
+        let Self { target, styles, curves, attributes, .. } = self;
         target.write_with(|file| {
             file.write_all(b"]\n")?;
             attributes.drain(file)?;
-            let extent = extent_text(extent, &styles[bar]);
+            let extent = extent_text(extent, &styles[bar], *curves);
             writeln!(file, "        float3[] extent = {extent}\n    }}")
         })
     }
-}
-
-/// Consecutive blocks that belong to one prim, without those that have no strand on the panel.
-pub(super) fn blocks_by_prim(blocks: &[Block]) -> impl Iterator<Item = &[Block]> {
-    let by_prim = blocks.chunk_by(|a, b| (a.panel, a.bar) == (b.panel, b.bar));
-    by_prim.filter(|blocks| blocks.iter().any(|block| !block.strands.strands.is_empty()))
 }
 
 impl<W: Write + Seek + Send> Sink<W> for UsdaWriter<W> {
@@ -127,14 +133,18 @@ impl<W: Write + Seek + Send> Sink<W> for UsdaWriter<W> {
 
 impl Attributes {
     /// Empty arrays of a file.
-    pub(super) fn create<W>(target: &Destination<W>) -> Result<Self, ExportError> {
-        Ok(Self([
-            (Attribute::Counts, target.spool()?),
-            (Attribute::Yarns, target.spool()?),
-            (Attribute::Courses, target.spool()?),
-            (Attribute::Wales, target.spool()?),
-            (Attribute::Lengths, target.spool()?),
-        ]))
+    pub(super) fn create<W>(
+        target: &Destination<W>,
+        curves: UsdCurves,
+    ) -> Result<Self, ExportError> {
+        let last = match curves {
+            UsdCurves::Bezier => Attribute::Lengths,
+            UsdCurves::Linear => Attribute::Rest,
+        };
+        let all = [Attribute::Counts, Attribute::Yarns, Attribute::Courses, Attribute::Wales, last];
+        let arrays = all.map(|attribute| Ok((attribute, target.spool()?)));
+        let arrays = arrays.into_iter().collect::<Result<_, ExportError>>()?;
+        Ok(Self { curves, arrays, are_at_rest: true })
     }
 
     /// Appends those of blocks of one prim; errors name the target.
@@ -144,10 +154,12 @@ impl Attributes {
         conveyor: &mut Conveyor,
         target: &mut Destination<W>,
     ) -> Result<(), ExportError> {
-        for (attribute, spool) in &mut self.0 {
+        let curves = self.curves;
+        self.are_at_rest &= curves == UsdCurves::Linear && blocks.par_iter().all(is_at_rest);
+        for (attribute, spool) in &mut self.arrays {
             conveyor.carry(
                 blocks,
-                |block, text| attribute.add(block, text),
+                |block, text| attribute.add(block, curves, text),
                 |text| target.write_with(|_| spool.write_all(text)),
             )?;
         }
@@ -156,7 +168,12 @@ impl Attributes {
 
     /// Writes the prim's arrays and empties them.
     pub(super) fn drain(&mut self, file: &mut impl io::Write) -> io::Result<()> {
-        for (attribute, spool) in &mut self.0 {
+        let are_at_rest = std::mem::replace(&mut self.are_at_rest, true);
+        for (attribute, spool) in &mut self.arrays {
+            if are_at_rest && *attribute == Attribute::Rest {
+                spool.drain(&mut io::sink())?;
+                continue;
+            }
             let (declared, interpolation) = attribute.declaration();
             write!(file, "        {declared} = [")?;
             spool.drain(file)?;
@@ -178,17 +195,18 @@ impl Attribute {
             Self::Courses => ("int[] primvars:course", Some("varying")),
             Self::Wales => ("int[] primvars:wale", Some("varying")),
             Self::Lengths => ("texCoord2f[] primvars:st", Some("varying")),
+            Self::Rest => ("point3f[] physics:restShapePoints", None),
         }
     }
 
     /// Appends a block's values.
-    fn add(self, block: &Block, text: &mut Buffer) {
+    fn add(self, block: &Block, curves: UsdCurves, text: &mut Buffer) {
         for strand in &block.strands.strands {
             let points = strand.points.clone();
             match self {
-                // A cubic span adds three control points to the first one.
                 Self::Counts => {
-                    add_value(text, format_args!("{}", 3 * (points.end - points.start) - 2));
+                    let count = curves.count(points.end - points.start);
+                    add_value(text, format_args!("{count}"));
                 }
                 Self::Yarns => add_value(text, format_args!("{}", strand.yarn.0)),
                 Self::Courses => {
@@ -202,6 +220,11 @@ impl Attribute {
                     }
                 }
                 Self::Lengths => add_lengths(&block.draped.positions[strand.range()], text),
+                Self::Rest => {
+                    for point in rest_points(block, strand) {
+                        add_point(point, curves, text);
+                    }
+                }
             }
         }
     }
@@ -210,19 +233,6 @@ impl Attribute {
 /// Appends a value of an array; the format allows a comma behind the last one too.
 fn add_value(text: &mut Buffer, value: std::fmt::Arguments<'_>) {
     write!(text, "{value}, ").expect("memory takes all text");
-}
-
-/// Course and wale of a point. A cut end has those of the data point beside it.
-fn course_and_wale(block: &Block, strand: &Strand, at: u32) -> [i32; 2] {
-    let sources = &block.strands.sources;
-    // Only a strand's first and last point can be cut, and the point next to it is a data point.
-    let inner = if at == strand.points.start { at + 1 } else { at.saturating_sub(1) };
-    let source =
-        [at, inner].map(|at| sources[at as usize]).into_iter().find(|&source| source != CUT);
-    source.map_or([UNKNOWN; 2], |source| {
-        let tag = block.knitted.tags[source as usize];
-        [tag.course, tag.wale]
-    })
 }
 
 /// The yarn's length up to each of its points, as a texture coordinate along it.
@@ -239,60 +249,49 @@ fn add_lengths(points: &[DVec3], text: &mut Buffer) {
     }
 }
 
-/// Control points of a block's strands, strand after strand. Spans share their ends.
-fn controls(block: &Block) -> impl Iterator<Item = Vec3> {
-    block.strands.strands.iter().flat_map(|strand| {
-        let points = &block.draped.positions[strand.range()];
-        let spans = (0..points.len() - 1)
-            .flat_map(|index| curve::span(points, index).bezier().into_iter().skip(1));
-        points
-            .first()
-            .copied()
-            .into_iter()
-            .chain(spans)
-            .map(|point| (point + block.origin).as_vec3())
-    })
-}
-
-/// The bounding box of a block's control points. A Bézier curve lies in the convex hull of its
-/// control points, so the box holds the curves too.
-pub(super) fn bounds(block: &Block) -> [Vec3; 2] {
-    controls(block).fold(EMPTY, |extent, control| union(extent, [control; 2]))
-}
-
-/// The bounding box of two.
-pub(super) fn union(a: [Vec3; 2], b: [Vec3; 2]) -> [Vec3; 2] {
-    [a[0].min(b[0]), a[1].max(b[1])]
-}
-
 /// The bounding box of strands around centre lines, as text.
-pub(super) fn extent_text([low, high]: [Vec3; 2], style: &StrandStyle) -> String {
-    let radius = style.radius_f32();
-    let ([a, b, c], [d, e, f]) = ((low - radius).to_array(), (high + radius).to_array());
+pub(super) fn extent_text(extent: [Vec3; 2], style: &StrandStyle, curves: UsdCurves) -> String {
+    let [a, b, c, d, e, f] = widened(extent, style, curves);
     format!("[({a}, {b}, {c}), ({d}, {e}, {f})]")
 }
 
-/// Appends a block's control points.
-pub(super) fn add_points(block: &Block, text: &mut Buffer) {
-    for control in controls(block) {
-        text.write_char('(').expect("memory takes all text");
-        numbers(text, control.to_array(), b',');
-        text.write_str("), ").expect("memory takes all text");
+/// Appends the points of a block's curves.
+pub(super) fn add_points(block: &Block, curves: UsdCurves, text: &mut Buffer) {
+    for strand in &block.strands.strands {
+        each_point(block, strand, curves, |point| add_point(point, curves, text));
     }
 }
 
+fn add_point(point: Vec3, curves: UsdCurves, text: &mut Buffer) {
+    text.write_char('(').expect("memory takes all text");
+    match curves {
+        UsdCurves::Bezier => numbers(text, point.to_array(), b','),
+        // Four decimals of a metre would be too few.
+        UsdCurves::Linear => {
+            write!(text, "{},{},{}", point.x, point.y, point.z).expect("memory takes all text");
+        }
+    }
+    text.write_str("), ").expect("memory takes all text");
+}
+
 /// The file up to its first prim: units, lines that say how time runs, and the materials.
-pub(super) fn beginning(styles: &[StrandStyle], time: &str) -> String {
+pub(super) fn beginning(styles: &[StrandStyle], curves: UsdCurves, time: &str) -> String {
+    let kilograms = match curves {
+        UsdCurves::Bezier => "",
+        UsdCurves::Linear => "    kilogramsPerUnit = 1\n",
+    };
+    let metres = curves.metres_per_unit();
     let mut text = format!(
         "#usda 1.0\n(\n    defaultPrim = \"cloth\"\n    doc = \"yarns by warpknit\"\n{time}    \
-         metersPerUnit = 0.001\n    upAxis = \"Y\"\n)\n\n\
+         metersPerUnit = {metres}\n{kilograms}    upAxis = \"Y\"\n)\n\n\
          def Xform \"cloth\" (\n    kind = \"component\"\n)\n{{\n    \
          def Scope \"looks\"\n    {{\n",
     );
     for (style, number) in styles.iter().zip(1..) {
         let [r, g, b] = style.color.linear();
+        let (schemas, physics) = material_physics(style, curves);
         text += &format!(
-            "        def Material \"bar_{number}\"\n        {{\n            \
+            "        def Material \"bar_{number}\"{schemas}\n        {{\n{physics}            \
              token outputs:surface.connect = \
              </cloth/looks/bar_{number}/preview.outputs:surface>\n\n            \
              def Shader \"preview\"\n            {{\n                \
@@ -305,17 +304,48 @@ pub(super) fn beginning(styles: &[StrandStyle], time: &str) -> String {
     text + "    }\n"
 }
 
+/// The schemas of a bar's material and its attributes, as text.
+fn material_physics(style: &StrandStyle, curves: UsdCurves) -> (String, String) {
+    if curves == UsdCurves::Bezier {
+        return (String::new(), String::new());
+    }
+    let attributes = physics(style);
+    let lines =
+        attributes.iter().map(|(name, value)| format!("            float {name} = {value:e}\n"));
+    (schemas_text(&MATERIAL_SCHEMAS, "        "), lines.collect())
+}
+
+/// The schemas of a prim, behind its name.
+fn schemas_text(schemas: &[&str], indent: &str) -> String {
+    let list: Vec<_> = schemas.iter().map(|schema| format!("\"{schema}\"")).collect();
+    format!(" (\n{indent}    prepend apiSchemas = [{}]\n{indent})", list.join(", "))
+}
+
 /// The beginning of a prim, up to its points.
-pub(super) fn prim_beginning(panel: usize, bar: usize, style: &StrandStyle) -> String {
+pub(super) fn prim_beginning(
+    panel: usize,
+    bar: usize,
+    style: &StrandStyle,
+    curves: UsdCurves,
+) -> String {
     let number = index32(bar) + 1;
     let [r, g, b] = style.color.linear();
-    let width = 2.0 * style.radius_f32();
+    let width = width(style, curves);
+    let schemas = schemas_text(&curves.schemas(), "    ");
+    let kind = match curves {
+        UsdCurves::Bezier => "        uniform token type = \"cubic\"\n        \
+             uniform token basis = \"bezier\"\n"
+            .to_owned(),
+        UsdCurves::Linear => format!(
+            "        rel material:binding:physics = </cloth/looks/bar_{number}>\n        \
+             uniform token type = \"linear\"\n        \
+             float[] physics:thicknesses = [{width}]\n        \
+             uniform token physics:thicknesses:elementType = \"constant\"\n"
+        ),
+    };
     format!(
-        "\n    def BasisCurves \"panel_{panel}_bar_{number}\" (\n        \
-         prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{\n        \
-         rel material:binding = </cloth/looks/bar_{number}>\n        \
-         uniform token type = \"cubic\"\n        \
-         uniform token basis = \"bezier\"\n        \
+        "\n    def BasisCurves \"panel_{panel}_bar_{number}\"{schemas}\n    {{\n        \
+         rel material:binding = </cloth/looks/bar_{number}>\n{kind}        \
          uniform token wrap = \"nonperiodic\"\n        \
          float[] widths = [{width}] (interpolation = \"constant\")\n        \
          color3f[] primvars:displayColor = [({r}, {g}, {b})] \

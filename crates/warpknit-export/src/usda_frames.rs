@@ -14,10 +14,8 @@ use rayon::prelude::*;
 
 use super::buffer::Conveyor;
 use super::spool::Spool;
-use super::usda::{
-    Attributes, EMPTY, add_points, beginning, blocks_by_prim, bounds, extent_text, prim_beginning,
-    union,
-};
+use super::usd_stage::{EMPTY, UsdCurves, blocks_by_prim, bounds, union};
+use super::usda::{Attributes, add_points, beginning, extent_text, prim_beginning};
 use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle};
 use warpknit_core::drape::Block;
 
@@ -26,6 +24,7 @@ use warpknit_core::drape::Block;
 pub struct UsdaFramesWriter<W> {
     target: Destination<W>,
     styles: Vec<StrandStyle>,
+    curves: UsdCurves,
     frames_per_second: f64,
     /// All prims' samples, and behind the first frame's their attributes.
     waiting: Spool,
@@ -45,7 +44,7 @@ struct WaitingPrim {
     bar: usize,
     /// The points of each frame.
     points: Vec<Range<u64>>,
-    /// Lowest and highest control point of each frame, mm.
+    /// Lowest and highest control point of each frame, in the stage's units.
     extents: Vec<[Vec3; 2]>,
     /// The attributes, which are the same in all frames.
     attributes: Range<u64>,
@@ -63,12 +62,13 @@ impl<W: Write + Seek + Send> UsdaFramesWriter<W> {
     ) -> Result<Self, ExportError> {
         Ok(Self {
             styles: cloth.strands.clone(),
+            curves: cloth.usd_curves,
             frames_per_second,
             waiting: target.spool()?,
             prims: Vec::new(),
             codes: Vec::new(),
             current: None,
-            attributes: Attributes::create(&target)?,
+            attributes: Attributes::create(&target, cloth.usd_curves)?,
             conveyor: Conveyor::default(),
             target,
         })
@@ -88,12 +88,16 @@ impl<W: Write + Seek + Send> UsdaFramesWriter<W> {
     /// Adds blocks of one bar of one panel.
     fn add(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         self.find_prim(blocks[0].panel, blocks[0].bar)?;
+        let curves = self.curves;
         let Self { target, waiting, prims, codes, current, attributes, conveyor, .. } = self;
         let prim = &mut prims[current.expect("found above")];
         let extent = prim.extents.last_mut().expect("one was pushed");
-        *extent = blocks.par_iter().map(bounds).reduce(|| *extent, union);
-        conveyor
-            .carry(blocks, add_points, |text| target.write_with(|_| waiting.write_all(text)))?;
+        *extent = blocks.par_iter().map(|block| bounds(block, curves)).reduce(|| *extent, union);
+        conveyor.carry(
+            blocks,
+            |block, text| add_points(block, curves, text),
+            |text| target.write_with(|_| waiting.write_all(text)),
+        )?;
         prim.points.last_mut().expect("one was pushed").end = waiting.length();
         // Later frames have the same yarns, so their attributes would be the same.
         if codes.len() == 1 {
@@ -153,10 +157,11 @@ impl<W: Write + Seek + Send> Sink<W> for UsdaFramesWriter<W> {
     fn finish(mut self: Box<Self>) -> Result<W, ExportError> {
         self.end_prim()?;
         let time = self.time();
-        let Self { mut target, styles, mut waiting, prims, codes, .. } = *self;
-        target.write(beginning(&styles, &time).as_bytes())?;
+        let Self { mut target, styles, curves, mut waiting, prims, codes, .. } = *self;
+        target.write(beginning(&styles, curves, &time).as_bytes())?;
         for prim in &prims {
-            target.write_with(|file| prim.write(&codes, &styles[prim.bar], &mut waiting, file))?;
+            let style = &styles[prim.bar];
+            target.write_with(|file| prim.write(&codes, style, curves, &mut waiting, file))?;
         }
         target.write(b"}\n")?;
         target.finish()
@@ -169,10 +174,11 @@ impl WaitingPrim {
         &self,
         codes: &[u32],
         style: &StrandStyle,
+        curves: UsdCurves,
         waiting: &mut Spool,
         file: &mut impl Write,
     ) -> std::io::Result<()> {
-        let text = prim_beginning(self.panel, self.bar, style);
+        let text = prim_beginning(self.panel, self.bar, style, curves);
         writeln!(file, "{text}        point3f[] points.timeSamples = {{")?;
         for (code, sample) in codes.iter().zip(&self.points) {
             write!(file, "            {code}: [")?;
@@ -183,7 +189,7 @@ impl WaitingPrim {
         waiting.copy(&self.attributes, file)?;
         file.write_all(b"        float3[] extent.timeSamples = {\n")?;
         for (code, extent) in codes.iter().zip(&self.extents) {
-            writeln!(file, "            {code}: {},", extent_text(*extent, style))?;
+            writeln!(file, "            {code}: {},", extent_text(*extent, style, curves))?;
         }
         file.write_all(b"        }\n    }\n")
     }

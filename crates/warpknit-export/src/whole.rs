@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{
-    ClothInfo, Companion, Destination, Expected, ExportError, Facts, Format, TextureSet,
-    default_section, mtl, writer,
+    ClothInfo, Companion, Destination, Expected, ExportError, Facts, Format, InpDialect,
+    TextureSet, UsdCurves, default_section, mtl, writer,
 };
 use warpknit_core::drape::{self, Block, Cloth, Totals, fibres};
 use warpknit_core::fabric::Fabric;
@@ -23,6 +23,10 @@ pub struct WriteOptions {
     pub textures: Arc<TextureSet>,
     /// Writes fibres of that radius, mm, in the place of yarns.
     pub fibre_radius: Option<f64>,
+    /// The curves of `.usda` and `.usdc`.
+    pub usd_curves: UsdCurves,
+    /// Whose keywords an `.inp` has.
+    pub inp: InpDialect,
 }
 
 /// What [`write()`] made besides the target's bytes.
@@ -84,8 +88,13 @@ pub fn write(
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
     // Only a page has words about the fabric, and they take a repeat to measure.
     let facts = if format == Format::Html { Facts::measured(fabric) } else { Facts::default() };
-    let info =
-        ClothInfo { expected: Some(expected), facts, ..info.on_panels(&cloth.garment().panels) };
+    let info = ClothInfo {
+        expected: Some(expected),
+        facts,
+        usd_curves: options.usd_curves,
+        inp: options.inp,
+        ..info.on_panels(&cloth.garment().panels)
+    };
     let path = options.path.as_deref();
     let target = match path {
         Some(path) => Destination::named(target, path),
@@ -117,13 +126,14 @@ mod tests {
     use super::*;
     use warpknit_core::drape::swatch_panel;
 
-    const FORMATS: [Format; 11] = [
+    const FORMATS: [Format; 12] = [
         Format::Glb,
         Format::Obj,
         Format::ObjLines,
         Format::Ply,
         Format::Html,
         Format::Usda,
+        Format::Usdc,
         Format::Bcc,
         Format::Curves,
         Format::Inp,

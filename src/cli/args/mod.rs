@@ -26,9 +26,9 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, FactsFormat, FileUnitArg, MappingArg, NodesArg, PrecisionArg, RendererArg, RunIn,
-    ShapeArg, SwitchArg, UpArg, ViewArg, diagram, enlarge, field_of_view, finite, flattening,
-    loupe, output, positive, run_in, samples, size, stretch, vector,
+    EdgeArg, FactsFormat, FileUnitArg, InpArg, MappingArg, NodesArg, PrecisionArg, RendererArg,
+    RunIn, ShapeArg, SwitchArg, UpArg, UsdCurvesArg, ViewArg, diagram, enlarge, field_of_view,
+    finite, flattening, loupe, output, positive, run_in, samples, size, stretch, vector,
 };
 
 /// The fabric, unless one is named.
@@ -417,7 +417,7 @@ pub(crate) struct MotionArgs {
     /// Leave out frames of a drape sequence that can't be read, with a warning, instead of failing
     #[arg(long)]
     pub(crate) skip_bad_frames: bool,
-    /// Frames a second, for a .usda of a drape sequence
+    /// Frames a second, for a .usda or .usdc of a drape sequence
     #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = positive)]
     pub(crate) fps: f64,
 }
@@ -469,7 +469,7 @@ pub(crate) struct Reading {
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
     /// A file to write, by its ending: .png .html (a page to turn and zoom) .glb .obj .ply
-    /// .usda .bcc .curves.txt .inp .npz .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape
+    /// .usda .usdc .bcc .curves.txt .inp .npz .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape
     /// or the fabric]
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
@@ -511,6 +511,12 @@ pub(crate) struct Shared {
     /// Write the yarns' centre lines, as l records, to .obj in place of tubes
     #[arg(long)]
     pub(crate) curves: bool,
+    /// The curves of .usda and .usdc
+    #[arg(long, value_enum, default_value = "bezier")]
+    pub(crate) usd_curves: UsdCurvesArg,
+    /// Whose keywords an .inp has
+    #[arg(long, value_enum, default_value = "calculix")]
+    pub(crate) inp: InpArg,
     /// Unit of .ply and .obj, which can't say theirs; Blender takes metres
     #[arg(long, value_enum, default_value = "mm")]
     pub(crate) file_unit: FileUnitArg,

@@ -31,6 +31,8 @@ pub struct Yarn {
     pub plies: Option<u32>,
     /// Turns per metre of the plies, or of the fibres of a single yarn; over 0 is S, under 0 is Z.
     pub twist: Option<f64>,
+    /// Young's modulus of the fibre, GPa, where it is given.
+    pub modulus: Option<f64>,
     /// Share of light that parallel fibres reflect like a mirror, 0 to 1, where it is given:
     /// filaments do, spun fibres hardly.
     pub sheen: Option<f64>,
@@ -54,10 +56,34 @@ impl Yarn {
             draft: None,
             plies: None,
             twist: None,
+            modulus: None,
             sheen: None,
             texture: None,
             texture_length: None,
         }
+    }
+
+    /// Young's modulus of its fibre, GPa: the given one, or that of the fibre whose density is
+    /// nearest. Yarn with a draft counts as elastane.
+    ///
+    /// The values are initial moduli in N/tex (Morton and Hearle, "Physical Properties of Textile
+    /// Fibres", chapter 13) times the density: those of a fibre along its axis, at small strains.
+    /// They differ by half from make to make, so a simulation should be given its yarn's own.
+    #[must_use]
+    pub fn modulus_gpa(&self) -> f64 {
+        /// Density in g/cm³ and modulus in GPa: polypropylene, polyamide, wool, polyester, cotton.
+        const FIBRES: [(f64, f64); 5] =
+            [(0.91, 6.4), (1.14, 3.0), (1.31, 3.0), (1.38, 12.0), (1.52, 7.6)];
+        const ELASTANE: f64 = 0.008;
+        if let Some(modulus) = self.modulus {
+            return modulus;
+        }
+        if self.draft.is_some() {
+            return ELASTANE;
+        }
+        let away = |fibre: &(f64, f64)| (fibre.0 - self.density).abs();
+        let nearest = FIBRES.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        nearest.map_or(ELASTANE, |(_, modulus)| modulus)
     }
 
     /// Linear density in the cloth, tex: that of the count, over the draft.

@@ -38,6 +38,22 @@ pub enum GarmentError {
         /// What the system said.
         reason: std::io::Error,
     },
+    /// The file is of a kind that isn't read.
+    #[error("{}: this is {kind}; export OBJ or PLY", .path.display())]
+    Kind {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        kind: &'static str,
+    },
+    /// A file that isn't OBJ is wrong.
+    #[error("{}: {what}", .path.display())]
+    Mesh {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
     /// The file has no bytes.
     #[error("{}: is empty: export the garment again", .path.display())]
     Empty {

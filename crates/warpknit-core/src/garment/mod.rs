@@ -1,6 +1,6 @@
 //! The garment: panels whose flat triangles know their draped positions.
 //!
-//! In: one OBJ with `vt`, or a flat and a draped OBJ ([`read`]). Out: a [`Garment`] in millimetres,
+//! In: one OBJ or PLY with `vt`, or a flat and a draped one ([`read`]). Out: a [`Garment`] in millimetres,
 //! each [`Panel`] in axes of its own.
 //!
 //! The steps: `obj` parses the text into a mesh, `pair` pairs flat and draped triangles, `winding`
@@ -23,6 +23,7 @@ use crate::ids::FaceId;
 
 mod error;
 mod frames;
+mod kind;
 mod memory;
 mod normals;
 mod obj;
@@ -30,8 +31,10 @@ mod order;
 mod pair;
 mod panel;
 mod pieces;
+mod ply;
 mod rectangle;
 mod sets;
+mod soup;
 pub mod stretch;
 mod summary;
 mod unit;

@@ -58,7 +58,7 @@ pub fn render(
     let sampled = rows_to_sample(options);
     let mut method =
         scene.bounds().map(|bounds| match Splatter::new(scene, &bounds, camera, options) {
-            Some(splatter) => PictureMethod::Splatter(splatter),
+            Some(splatter) => PictureMethod::Splatter(Box::new(splatter)),
             None => PictureMethod::RayTracer(RayTracer::new(scene, &bounds, camera, options)),
         });
     let done = AtomicU32::new(0);
@@ -134,7 +134,7 @@ fn sample_rows(method: Option<&PictureMethod<'_>>, rows: Range<u32>, width: u32)
 /// The method that finds the yarn that a sample sees.
 enum PictureMethod<'a> {
     RayTracer(RayTracer<'a>),
-    Splatter(Splatter<'a>),
+    Splatter(Box<Splatter<'a>>),
 }
 
 impl PictureMethod<'_> {

@@ -17,6 +17,8 @@ const PLIES: Limits = (1.0, 12.0, "");
 const TWIST: Limits = (-MOST_TWIST, MOST_TWIST, "turns per metre");
 /// Elastane is stretched to some five times its length before it breaks.
 const DRAFT: Limits = (1.0, 8.0, "");
+/// From soft elastane to carbon.
+const MODULUS: Limits = (0.0001, 1000.0, "GPa");
 const SHEEN: Limits = (0.0, 1.0, "");
 const TEXTURE_LENGTH: Limits = (0.01, 10_000.0, "mm");
 
@@ -34,6 +36,8 @@ pub(super) struct YarnTable {
     plies: Option<Spanned<u32>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     twist: Option<Spanned<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    modulus: Option<Spanned<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sheen: Option<Spanned<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -62,6 +66,7 @@ impl YarnTable {
             draft: source.optional(&format!("{what}.draft"), self.draft.as_ref(), DRAFT)?,
             plies: self.plies.map(Spanned::into_inner),
             twist: source.optional(&format!("{what}.twist"), self.twist.as_ref(), TWIST)?,
+            modulus: source.optional(&format!("{what}.modulus"), self.modulus.as_ref(), MODULUS)?,
             sheen: source.optional(&format!("{what}.sheen"), self.sheen.as_ref(), SHEEN)?,
             texture: self.texture,
             texture_length: source.optional(
@@ -83,6 +88,7 @@ impl From<&Yarn> for YarnTable {
             draft: yarn.draft.map(unplaced),
             plies: yarn.plies.map(unplaced),
             twist: yarn.twist.map(unplaced),
+            modulus: yarn.modulus.map(unplaced),
             sheen: yarn.sheen.map(unplaced),
             texture: yarn.texture.clone(),
             texture_length: yarn.texture_length.map(unplaced),

@@ -22,13 +22,15 @@
 
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Read as _};
 use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::error::{GarmentError, GarmentFault};
+use super::kind::Kind;
+use super::ply;
 use builder::Builder;
 use records::{Records, Stop};
 
@@ -44,7 +46,7 @@ mod tests;
 /// read slowly, so much smaller ones would cost time.
 const BUFFER: usize = 1 << 18;
 /// The index of a texture coordinate that a corner doesn't have.
-const UNTEXTURED: u32 = u32::MAX;
+pub(super) const UNTEXTURED: u32 = u32::MAX;
 
 /// The mesh of a file, triangulated. Its arrays are shared with those who pair it.
 #[derive(Debug, Default)]
@@ -127,9 +129,21 @@ impl ObjMesh {
     }
 }
 
-/// Reads one OBJ file.
+/// Reads one file of any kind that is known.
 pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
-    parse(open(path)?, path)
+    let mut input = open(path)?;
+    let wrong = |what| GarmentError::Mesh { path: path.to_path_buf(), what };
+    // An error of the first bytes comes again when they are read, with its line.
+    let kind = Kind::of(input.fill_buf().unwrap_or_default());
+    let parse_whole = match kind {
+        Kind::Obj => return parse(input, path),
+        Kind::Ply => ply::parse,
+        Kind::Glb => return Err(GarmentError::Kind { path: path.to_path_buf(), kind: "glTF" }),
+        Kind::Other(kind) => return Err(GarmentError::Kind { path: path.to_path_buf(), kind }),
+    };
+    let mut bytes = Vec::new();
+    input.read_to_end(&mut bytes).map_err(|reason| refused(path, reason))?;
+    parse_whole(&bytes).map_err(wrong)
 }
 
 /// The error for a file that the system refused to open.

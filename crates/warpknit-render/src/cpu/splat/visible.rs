@@ -42,13 +42,15 @@ impl TileRows {
             }
         }
         let first = rows.start * across;
-        let tiles = (tiles.into_par_iter().zip(first..first + across * rows.len() as u32))
-            .map_init(TileMemory::new, |memory, (tile, number)| {
+        let tiles = (tiles.into_par_iter().zip(first..rows.end * across)).map_init(
+            TileMemory::new,
+            |memory, (tile, number)| {
                 tile.unwrap_or_else(|| {
                     let [x, y] = [number % across, number / across];
                     memory.tile((pieces, screen, planes), [x * SIDE, y * SIDE], blocks.of(x, y))
                 })
-            });
+            },
+        );
         let [width, height] = screen.size;
         Self { width, height, across, tiles: tiles.collect(), rows }
     }

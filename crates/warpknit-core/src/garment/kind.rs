@@ -1,0 +1,59 @@
+//! The kind of a garment's file, by its content and not by its name.
+//!
+//! In: the first bytes of a file. Out: how it is read, or the name of a kind that isn't.
+
+/// The kind of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Wavefront OBJ, and whatever is not known: its reader has the messages.
+    Obj,
+    /// Binary glTF.
+    Glb,
+    /// Polygon file format.
+    Ply,
+    /// A kind that isn't read, by its name.
+    Other(&'static str),
+}
+
+impl Kind {
+    /// The kind of a file that begins with these bytes.
+    pub(super) fn of(first: &[u8]) -> Self {
+        const OTHERS: [(&[u8], &str); 12] = [
+            (b"Kaydara FBX Binary", "FBX"),
+            (b"; FBX", "FBX"),
+            (b"PXR-USDC", "a USD crate"),
+            (b"#usda", "USD text"),
+            (b"BLENDER", "a Blender file"),
+            (b"Ogawa", "Alembic"),
+            (b"\x89HDF", "Alembic or another HDF5 file"),
+            (b"PK\x03\x04", "a zip archive, such as .zprj, .usdz or .3mf"),
+            (b"\x89PNG", "a picture"),
+            (b"\xFF\xD8\xFF", "a picture"),
+            (b"solid ", "STL, which has no UVs"),
+            (b"<?xml", "XML, such as COLLADA"),
+        ];
+        match first {
+            [b'g', b'l', b'T', b'F', ..] => Self::Glb,
+            [b'p', b'l', b'y', b'\r' | b'\n', ..] => Self::Ply,
+            _ => {
+                let other = OTHERS.iter().find(|(magic, _)| first.starts_with(magic));
+                other.map_or(Self::Obj, |(_, name)| Self::Other(name))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_are_told_by_content() {
+        assert_eq!(Kind::of(b"glTF\x02\0\0\0"), Kind::Glb);
+        assert_eq!(Kind::of(b"ply\nformat ascii 1.0\n"), Kind::Ply);
+        assert_eq!(Kind::of(b"Kaydara FBX Binary  \0"), Kind::Other("FBX"));
+        for obj in [&b"# made by\nv 0 0 0"[..], b"", b"plyv", b"v 1 2 3"] {
+            assert_eq!(Kind::of(obj), Kind::Obj);
+        }
+    }
+}
