@@ -60,7 +60,10 @@ impl Files {
 #[test]
 fn parts_of_the_yarns_are_the_whole() {
     let folder = tempfile::tempdir().unwrap();
+    // Floats and a node a yarn: the grid of 16 bits and the meshes of bars are those of each file.
+    let exact = ["--glb-precision", "f32", "--nodes", "yarn"];
     let coarse = ["--wales-per-cm", "0.2", "--st", "3", "--sr", "4", "--caps"];
+    let coarse = [&coarse[..], &exact[..]].concat();
     drape(folder.path(), "whole", &[&[Files::ENDINGS, "--threads", "2"], &coarse[..]].concat());
     let (whole, report) = Files::read(folder.path(), "whole");
     assert!(report["tile"].is_null() && !whole.rows.is_empty());

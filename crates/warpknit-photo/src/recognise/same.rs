@@ -39,6 +39,7 @@ impl ClothKey {
         courses: usize,
         guides: usize,
     ) -> Self {
+        let courses = period(knit, courses);
         let small = courses * guides <= MOST_LAPS;
         let [phases, places] = if small { [courses, guides] } else { [1, 1] };
         let [courses, guides] = [courses, guides].map(|count| i64::from(index32(count)));
@@ -52,6 +53,29 @@ impl ClothKey {
             })
         });
         Self(keys.min().unwrap_or_default())
+    }
+}
+
+/// Courses after which all bars repeat. Chains may be written several times over.
+fn period(knit: &WarpKnit, courses: usize) -> usize {
+    let mut divisors = (1..courses).filter(|period| courses.is_multiple_of(*period));
+    let repeats = |period: &usize| {
+        let [courses, period] = [courses, *period].map(|count| i64::from(index32(count)));
+        knit.bars.iter().all(|bar| {
+            (0..courses).all(|course| course_of(bar, course) == course_of(bar, course + period))
+        })
+    };
+    divisors.find(repeats).unwrap_or(courses)
+}
+
+/// What a bar does in a course: the gaps of its lap, or whether a yarn is there.
+fn course_of(bar: &Bar, course: i64) -> [i64; 2] {
+    match &bar.lay {
+        Lay::Lapping(chain) => {
+            let lap = chain.lap(course);
+            [lap.from, lap.to].map(i64::from)
+        }
+        Lay::Weft => [-1, i64::from(bar.threading.carries(course))],
     }
 }
 
