@@ -165,8 +165,7 @@ fn quantised_glb_holds_the_triangles_of_the_floats() {
         let floats = readback::glb(&folder.path().join("f.glb"));
         assert_eq!(corners.len(), 3 * floats.triangles.len());
         for ((place, normal, cube), vertex) in corners.iter().zip(floats.triangles.as_flattened()) {
-            let (position, own) =
-                (floats.positions[*vertex as usize], floats.normals[*vertex as usize]);
+            let (position, own) = (floats.positions[*vertex], floats.normals[*vertex]);
             for axis in 0..3 {
                 let off = (place[axis] - 1000.0 * position[axis]).abs();
                 assert!(off <= 0.5 * cube + 2e-4, "{off} mm off, cubes of {cube} mm");

@@ -303,9 +303,8 @@ impl<W: Write + Seek> CrateFile<W> {
 
     /// Where the next array begins.
     pub(super) fn align(&mut self) -> Result<u64, ExportError> {
-        let beyond = self.length % ALIGNED;
-        if beyond > 0 {
-            self.write(&[0; ALIGNED as usize][usize::try_from(beyond).unwrap_or(0)..])?;
+        while !self.length.is_multiple_of(ALIGNED) {
+            self.write(&[0])?;
         }
         Ok(self.length)
     }

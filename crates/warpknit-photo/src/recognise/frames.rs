@@ -142,10 +142,9 @@ fn changes() -> impl Iterator<Item = DMat2> {
     range().flat_map(move |a| {
         range().flat_map(move |b| {
             range().flat_map(move |c| {
-                range().filter_map(move |d| {
-                    ((a * d - b * c).abs() == 1)
-                        .then(|| DMat2::from_cols_array(&[a, b, c, d].map(f64::from)))
-                })
+                range()
+                    .filter(move |d| (a * d - b * c).abs() == 1)
+                    .map(move |d| DMat2::from_cols_array(&[a, b, c, d].map(f64::from)))
             })
         })
     })

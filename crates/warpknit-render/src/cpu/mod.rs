@@ -59,7 +59,9 @@ pub fn render(
     let mut method =
         scene.bounds().map(|bounds| match Splatter::new(scene, &bounds, camera, options) {
             Some(splatter) => PictureMethod::Splatter(Box::new(splatter)),
-            None => PictureMethod::RayTracer(RayTracer::new(scene, &bounds, camera, options)),
+            None => {
+                PictureMethod::RayTracer(Box::new(RayTracer::new(scene, &bounds, camera, options)))
+            }
         });
     let done = AtomicU32::new(0);
     // The last two rows of a band wait for the next band, because a row needs the samples of the
@@ -133,7 +135,7 @@ fn sample_rows(method: Option<&PictureMethod<'_>>, rows: Range<u32>, width: u32)
 
 /// The method that finds the yarn that a sample sees.
 enum PictureMethod<'a> {
-    RayTracer(RayTracer<'a>),
+    RayTracer(Box<RayTracer<'a>>),
     Splatter(Box<Splatter<'a>>),
 }
 
