@@ -8,7 +8,7 @@
 //!
 //! The JSON chunk comes first in the file but is known last (counts and bounds). So it gets room
 //! for the expected blocks and yarns, and spaces fill what it doesn't take. Positions are `u16` on a
-//! grid ([`super::glb_grid`]) or `f32`, normals `i8` or `f32` (`KHR_mesh_quantization`), and texture
+//! grid (`glb_grid`) or `f32`, normals `i8` or `f32` (`KHR_mesh_quantization`), and texture
 //! coordinates `f32`; indices are `u16` where no mesh part of the block has more vertices than these
 //! count, else `u32`. A block's arrays lie together: all of its positions are one buffer view, and
 //! the block, or each of its yarns, is an accessor to a range of it, with indices counted from its

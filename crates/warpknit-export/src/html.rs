@@ -2,7 +2,7 @@
 //! numbers beside them.
 //!
 //! In: blocks of draped yarns. Out: HTML with everything in it: the yarns' centre lines, quantised
-//! and deflated ([`super::html_lines`]), the program that shows them and its shaders (`assets/`). A
+//! and deflated (`html_lines`), the program that shows them and its shaders (`assets/`). A
 //! browser of 2023 or later shows it by WebGL 2, and nothing is fetched. Tubes are made on the
 //! graphics card, and from afar ribbons that face the eye, which a software driver draws three to
 //! five times faster.
