@@ -4,10 +4,10 @@
 //!
 //! Beams have two nodes (B31).
 //!
-//! - CalculiX has no round ones, so the section is the square of the same area, which bends 5 %
-//!   less. (Its round beams have three nodes, and turn inside out in narrow bends.) The file ends
-//!   with a step that runs as it is: yarns hang in their own weight, clamped at their ends. Its
-//!   contact diverged between yarns that touch from the start, so there is none.
+//! - CalculiX has no round ones, so the section is the square of the same area, 5 % stiffer in
+//!   bending. (Its round beams have three nodes, and turn inside out in narrow bends.) The file ends
+//!   with a step that runs as it is: yarns hang in their own weight, clamped at their ends. One
+//!   attempt at its contact diverged, so there is none.
 //! - Abaqus gets round beams, and contact pairs between the bars.
 //!
 //! Each bar of each panel has an element set, such as `PANEL_0_BAR_1`, and in it a set for each

@@ -118,8 +118,8 @@ impl Recognition {
         }
     }
 
-    /// Whether the drawn photos of the bench were named right nine times in ten where they were
-    /// explained as well as these.
+    /// Whether the answer needs no warning: it leaves little unexplained and is well ahead of the
+    /// next one. Not promised: how often such answers are right; the limits are not calibrated.
     #[must_use]
     pub fn is_sure(&self) -> bool {
         self.unexplained() <= MOST_UNEXPLAINED && self.margin() >= LEAST_MARGIN
