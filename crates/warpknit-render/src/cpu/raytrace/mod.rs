@@ -25,6 +25,7 @@ use glam::{Vec3, Vec4};
 use super::film::Splats;
 use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, textured_surface};
 use super::sample::{SampleDimension, Sampler};
+use super::splat::sky::SkySample;
 use super::{is_thin, share, to_f32};
 use crate::light::{Rig, SKY_REACH_RADII};
 use crate::ply::{self, YarnPoint};
@@ -81,6 +82,39 @@ impl<'a> RayTracer<'a> {
         let segments = Segments::new(scene, bounds, camera, options);
         let eye = CameraRays::new(camera, options, segments.paths.centre, segments.bounds);
         Self { bvh: SegmentBvh::new(segments), eye, rig: options.light.around(camera) }
+    }
+
+    /// The same, to sample the sky only: yarns in front of it are black.
+    pub(super) fn for_sky(
+        scene: &'a Scene,
+        bounds: &Bounds,
+        camera: &'a Camera,
+        options: &'a RenderOptions,
+    ) -> Self {
+        let mut tracer = Self::new(scene, bounds, camera, options);
+        tracer.rig.interior = Vec3::ZERO;
+        tracer
+    }
+
+    /// What a ray through a place of the picture meets, in pixels, and its light from the sky.
+    pub(super) fn sky_sample(&self, [x, y]: [f32; 2]) -> Option<SkySample> {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded down")]
+        let pixel = [x as u32, y as u32];
+        let sampler = Sampler::new(pixel[0], pixel[1], self.eye.options.seed);
+        let mut waiting = Waiting::new();
+        let ray = self.eye.primary_ray(pixel, [x.fract(), y.fract()], sampler.random_bits(0))?;
+        let mut here = self.surface_hit(&ray, self.bvh.nearest(&ray, &mut waiting)?);
+        // Plies tilt the normal to all sides alike.
+        here.surface.normal = here.smooth_normal;
+        let sky = self.sky_light(&here, &sampler, 0, &mut waiting);
+        Some(SkySample {
+            position: here.position + self.bvh.segments.paths.centre.as_vec3(),
+            normal: here.smooth_normal,
+            cosine: here.smooth_normal.dot(here.toward_eye),
+            radius: here.radius,
+            open: sky.open,
+            light: sky.light.y,
+        })
     }
 
     /// Adds the samples of one pixel to its film row.

@@ -11,6 +11,7 @@ use super::layers::LayerDepths;
 use super::masks::{PLACES, Stroke, places};
 use super::pieces::SplatPieces;
 use super::screen::Screen;
+use super::sky::SkyFit;
 use super::sun::ShadowMap;
 use super::tiles::Fragment;
 use crate::cpu::lit::{self, ShadingPoint, SkyLight, textured_surface};
@@ -43,6 +44,7 @@ pub(super) struct Lights {
     shadows: ShadowMap,
     /// Directions to points of the sun's disc, spread evenly.
     suns: [Vec3; SUNS as usize],
+    sky: SkyFit,
     /// Mean base colour of all yarns.
     albedo: Vec3,
     places: [Vec2; PLACES],
@@ -107,12 +109,12 @@ impl Section<'_> {
 }
 
 impl Lights {
-    pub(super) fn new(rig: Rig, shadows: ShadowMap, albedo: Vec3) -> Self {
+    pub(super) fn new(rig: Rig, shadows: ShadowMap, sky: SkyFit, albedo: Vec3) -> Self {
         let (sampler, mut number) = (Sampler::new(0, 0, 0), 0..);
         let suns = [(); SUNS as usize].map(|()| {
             rig.sun_sample(sampler.pair(SampleDimension::Sun, number.next().unwrap_or(0), SUNS))
         });
-        Self { rig, shadows, suns, albedo, places: places() }
+        Self { rig, shadows, suns, sky, albedo, places: places() }
     }
 
     /// Mean light toward the eye of a fragment in the cell whose corner is `corner`.
@@ -149,7 +151,8 @@ impl Lights {
         let aside = screen.to_world(stroke.across()).dot(width) * spread.deviation / radius;
         let open = |outward: Vec3| {
             let depth = screen.depth(axis + outward * piece.radius);
-            layers.sky_visibility(spread.mean, piece.radius, depth, outward.dot(toward_eye))
+            let level = layers.sky_level(spread.mean, piece.radius, depth);
+            self.sky.open(level, outward.dot(toward_eye))
         };
         let nodes: &[(f32, f32)] = match spread.count {
             WIDE.. => &GAUSS_3,
@@ -234,7 +237,7 @@ impl Lights {
     fn sky_light(&self, surface: &Surface, open: f32) -> SkyLight {
         // The sky is linear in the direction's height. So its cosine-weighted mean over the
         // hemisphere is its value two thirds of the way from the horizontal to the normal.
-        let above = self.rig.sky(surface.normal * (2.0 / 3.0));
+        let above = self.rig.sky(surface.normal * (2.0 / 3.0)) * self.sky.brightness();
         // An occluder is about as often the same yarn as another one.
         let interior = self.rig.interior * surface.albedo.midpoint(self.albedo);
         SkyLight { light: above * open + interior * (1.0 - open), open }

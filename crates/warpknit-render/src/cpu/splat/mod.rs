@@ -20,6 +20,7 @@ mod masks;
 mod outline;
 mod pieces;
 mod screen;
+pub(in crate::cpu) mod sky;
 mod sun;
 mod tiles;
 mod visible;
@@ -30,7 +31,7 @@ use glam::{Vec2, Vec4};
 
 use super::film::{NEAR, Splats, weights_around};
 use super::lit::opaque_sample;
-use super::{rows_to_sample, to_f32};
+use super::to_f32;
 use crate::scene::{Bounds, Scene, Shape};
 use crate::{Camera, RenderOptions};
 use blocks::Blocks;
@@ -39,6 +40,7 @@ use light::Lights;
 use masks::{HalfPlanes, PLACES, places};
 use pieces::SplatPieces;
 use screen::Screen;
+use sky::{Picture, SkyFit};
 use sun::ShadowMap;
 use visible::{TileRows, tile_rows};
 
@@ -106,17 +108,29 @@ impl<'a> Splatter<'a> {
         }
         let split = split(options.spp);
         let screen = Screen::new(bounds, camera, options, split);
-        let sampled = rows_to_sample(options);
-        let cells = around(&sampled, options.height, split);
-        let blocks = Blocks::new(&pieces, &screen, tile_rows(&cells));
+        // The sky is fitted to the whole picture, whichever rows of it are wanted.
+        let blocks = Blocks::new(&pieces, &screen, tile_rows(&(0..screen.size[1])));
         let rig = options.light.around(camera);
         let shadows = ShadowMap::new(&pieces, &screen, pixel, rig.toward_sun);
-        let lights = Lights::new(rig, shadows, scene.mean_albedo());
+        let planes = HalfPlanes::new();
+        let sky = SkyFit::new(
+            Picture {
+                pieces: &pieces,
+                screen: &screen,
+                planes: &planes,
+                blocks: &blocks,
+                camera,
+                options,
+                split,
+            },
+            &rig,
+        );
+        let lights = Lights::new(rig, shadows, sky, scene.mean_albedo());
         let weights = cell_weights(split);
         Some(Self {
             pieces,
             screen,
-            planes: HalfPlanes::new(),
+            planes,
             blocks,
             lights,
             options,

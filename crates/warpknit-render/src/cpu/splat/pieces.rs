@@ -22,7 +22,7 @@ const PART_BLOCKS: u32 = 256;
 pub(super) struct SplatPieces<'a> {
     pub(super) scene: &'a Scene,
     /// The scene's centre, to which positions are relative.
-    centre: Vec3,
+    pub(super) centre: Vec3,
     lengths: SpanLengths,
 }
 
