@@ -25,7 +25,7 @@ use glam::{Vec3, Vec4};
 use super::film::Splats;
 use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, textured_surface};
 use super::sample::{SampleDimension, Sampler};
-use super::splat::sky::SkySample;
+use super::splat::fit::LightSample;
 use super::{is_thin, share, to_f32};
 use crate::light::{Rig, SKY_REACH_RADII};
 use crate::ply::{self, YarnPoint};
@@ -84,8 +84,8 @@ impl<'a> RayTracer<'a> {
         Self { bvh: SegmentBvh::new(segments), eye, rig: options.light.around(camera) }
     }
 
-    /// The same, to sample the sky only: yarns in front of it are black.
-    pub(super) fn for_sky(
+    /// The same where yarns in front of the sky are black.
+    pub(super) fn without_bounces(
         scene: &'a Scene,
         bounds: &Bounds,
         camera: &'a Camera,
@@ -96,8 +96,8 @@ impl<'a> RayTracer<'a> {
         tracer
     }
 
-    /// What a ray through a place of the picture meets, in pixels, and its light from the sky.
-    pub(super) fn sky_sample(&self, [x, y]: [f32; 2]) -> Option<SkySample> {
+    /// What a ray through a place of the picture meets, in pixels, and the light that arrives there.
+    pub(super) fn light_sample(&self, [x, y]: [f32; 2]) -> Option<LightSample> {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded down")]
         let pixel = [x as u32, y as u32];
         let sampler = Sampler::new(pixel[0], pixel[1], self.eye.options.seed);
@@ -107,13 +107,20 @@ impl<'a> RayTracer<'a> {
         // Plies tilt the normal to all sides alike.
         here.surface.normal = here.smooth_normal;
         let sky = self.sky_light(&here, &sampler, 0, &mut waiting);
-        Some(SkySample {
+        let toward_sun = self.rig.toward_sun;
+        let cosine = here.smooth_normal.dot(toward_sun);
+        let in_sun = cosine > 0.0 && {
+            let ray = here.secondary_ray(toward_sun, here.radius * SKY_REACH_RADII);
+            self.bvh.occluder(&ray, here.start, &mut waiting).is_none()
+        };
+        Some(LightSample {
             position: here.position + self.bvh.segments.paths.centre.as_vec3(),
             normal: here.smooth_normal,
             cosine: here.smooth_normal.dot(here.toward_eye),
             radius: here.radius,
             open: sky.open,
             light: sky.light.y,
+            sun: if in_sun { cosine } else { 0.0 },
         })
     }
 

@@ -14,13 +14,13 @@
 //! Not promised: the exact outlines of the ray tracer. Bends between data points are straight here.
 
 mod blocks;
+pub(in crate::cpu) mod fit;
 mod layers;
 mod light;
 mod masks;
 mod outline;
 mod pieces;
 mod screen;
-pub(in crate::cpu) mod sky;
 mod sun;
 mod tiles;
 mod visible;
@@ -35,12 +35,12 @@ use super::to_f32;
 use crate::scene::{Bounds, Scene, Shape};
 use crate::{Camera, RenderOptions};
 use blocks::Blocks;
+use fit::{LightFit, Picture};
 use layers::LayerDepths;
 use light::Lights;
 use masks::{HalfPlanes, PLACES, places};
 use pieces::SplatPieces;
 use screen::Screen;
-use sky::{Picture, SkyFit};
 use sun::ShadowMap;
 use visible::{TileRows, tile_rows};
 
@@ -113,19 +113,21 @@ impl<'a> Splatter<'a> {
         let rig = options.light.around(camera);
         let shadows = ShadowMap::new(&pieces, &screen, pixel, rig.toward_sun);
         let planes = HalfPlanes::new();
-        let sky = SkyFit::new(
+        let fit = LightFit::new(
             Picture {
                 pieces: &pieces,
                 screen: &screen,
                 planes: &planes,
                 blocks: &blocks,
+                shadows: &shadows,
+                toward_sun: rig.toward_sun,
                 camera,
                 options,
                 split,
             },
             &rig,
         );
-        let lights = Lights::new(rig, shadows, sky, scene.mean_albedo());
+        let lights = Lights::new(rig, shadows, fit, scene.mean_albedo());
         let weights = cell_weights(split);
         Some(Self {
             pieces,

@@ -127,22 +127,6 @@ impl<'a> SplatPieces<'a> {
         self.scene.strands.partition_point(|strand| strand.points.end <= point)
     }
 
-    /// Unit tangent at fraction `s` of the piece that starts at data point `first`, interpolated
-    /// between central differences at its ends. It is continuous from piece to piece.
-    pub(super) fn tangent(&self, strand: usize, first: u32, s: f32) -> Vec3 {
-        let points = &self.scene.strands[strand].points;
-        let next = (first + 1).min(points.end - 1);
-        let [start, end] = [first, next].map(|point| self.central_difference(point, points));
-        start.lerp(end, s).normalize_or(Vec3::X)
-    }
-
-    /// Direction from the data point before `point` to the one after it.
-    fn central_difference(&self, point: u32, strand: &Range<u32>) -> Vec3 {
-        let ends = [point.saturating_sub(1).max(strand.start), (point + 1).min(strand.end - 1)];
-        let [before, after] = ends.map(|end| self.scene.positions[end as usize]);
-        (after - before).normalize_or_zero()
-    }
-
     /// Arc length at fraction `s` of that piece, mm, as if all pieces had the mean length. Exact
     /// lengths would need 4 bytes a point; they only shift the texture along the yarn.
     pub(super) fn along(&self, strand: usize, first: u32, s: f32) -> f32 {

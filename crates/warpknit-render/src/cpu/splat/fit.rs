@@ -1,11 +1,15 @@
-//! How much of the sky the yarns of a scene leave visible, as a function of what is cheap to know.
+//! How much of the sky and of the sun the yarns of a scene leave visible, as functions of what is
+//! cheap to know.
 //!
-//! In: the pieces and blocks of a picture. Out: [`SkyFit`], four weights and a brightness. At
-//! places in up to 64 tiles of the picture, rays are traced against the yarns around, as the ray
-//! tracer does everywhere. A least-squares fit then gives the visibility from two features of a
-//! place: its level in the cloth ([`crate::shade::sky_level`]) and the angle of its normal to the eye. The
-//! idea is that of a control variate: the cheap estimate is wrong, but its mean error is measured.
-//! A fixed fit to two fabrics was up to 17 % off seen from the front, and 59 % seen obliquely.
+//! In: the pieces, blocks and shadow map of a picture. Out: [`LightFit`]. At places in up to 64 tiles
+//! of the picture, rays are traced against the yarns around, as the ray tracer does everywhere. The
+//! idea is that of a control variate: a cheap estimate is wrong, but its mean error is measured.
+//!
+//! - Sky: a least-squares fit gives the visibility from two features of a place, its level in the
+//!   cloth ([`crate::shade::sky_level`]) and the angle of its normal to the eye. A fixed fit to two
+//!   fabrics was up to 17 % off seen from the front, and 59 % seen obliquely.
+//! - Sun: a factor on what the shadow map says. The map's texels let light through between yarns,
+//!   more from afar. Shadows of distant cloth are left out of the comparison.
 //!
 //! The places depend on the whole picture only. So single rows of it, and any number of threads,
 //! give the same fit. Not promised: the visibility at a single place, which is off by about 0.15.
@@ -20,6 +24,7 @@ use super::layers::LayerDepths;
 use super::masks::{HalfPlanes, places};
 use super::pieces::{BLOCK, SplatPieces};
 use super::screen::Screen;
+use super::sun::ShadowMap;
 use super::tiles::{SIDE, TileMemory};
 use crate::cpu::raytrace::RayTracer;
 use crate::light::{Rig, SKY_REACH_RADII};
@@ -42,20 +47,22 @@ const FINE_RADII: f32 = 0.5;
 const MAX_FINER: f32 = 64.0;
 /// Weight of the fixed fit, in places. It decides where a picture shows hardly any yarn.
 const PRIOR_PLACES: f64 = 8.0;
-/// Limits of the brightness. Beyond them are only fits to too few places.
-const BRIGHTNESS: [f32; 2] = [0.7, 1.5];
+/// Limits of the factors. Beyond them are only fits to too few places.
+const FACTORS: [f32; 2] = [0.5, 1.5];
 
 /// The fit.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SkyFit {
+pub(super) struct LightFit {
     /// Weights of 1, level, cosine, and level times cosine.
     weights: Vec4,
     /// Radiance of the visible sky over that of the whole sky above the same surface.
     brightness: f32,
+    /// The sun's light as traced over that by the shadow map.
+    sunshine: f32,
 }
 
 /// What is traced at a place.
-pub(in crate::cpu) struct SkySample {
+pub(in crate::cpu) struct LightSample {
     /// In the world.
     pub(in crate::cpu) position: Vec3,
     pub(in crate::cpu) normal: Vec3,
@@ -66,12 +73,16 @@ pub(in crate::cpu) struct SkySample {
     pub(in crate::cpu) open: f32,
     /// Green light from there.
     pub(in crate::cpu) light: f32,
+    /// Cosine of the angle between normal and sun, where neither is hidden. Otherwise 0.
+    pub(in crate::cpu) sun: f32,
 }
 
-/// A sample and its level in the cloth.
+/// A sample and the cheap estimates.
 struct Observed {
     level: f32,
-    sample: SkySample,
+    /// The sun's light by the shadow map, or `None` in the shadow of distant cloth.
+    sun: Option<f32>,
+    sample: LightSample,
 }
 
 /// What a picture is made from.
@@ -81,12 +92,14 @@ pub(super) struct Picture<'a> {
     pub(super) screen: &'a Screen,
     pub(super) planes: &'a HalfPlanes,
     pub(super) blocks: &'a Blocks,
+    pub(super) shadows: &'a ShadowMap,
+    pub(super) toward_sun: Vec3,
     pub(super) camera: &'a Camera,
     pub(super) options: &'a RenderOptions,
     pub(super) split: u32,
 }
 
-impl SkyFit {
+impl LightFit {
     /// Traces places of a picture and fits them.
     pub(super) fn new(picture: Picture<'_>, rig: &Rig) -> Self {
         let [columns, rows] = picture.screen.size.map(|side| spread(side.div_ceil(SIDE)));
@@ -107,19 +120,23 @@ impl SkyFit {
         let mut matrix = DMat4::from_diagonal(DVec4::splat(PRIOR_PLACES));
         let mut vector = DVec4::ZERO;
         let (mut light, mut expected) = (0.0, 0.0);
-        for Observed { level, sample } in observed {
+        let (mut sun, mut mapped) = (0.0, 0.0);
+        for Observed { level, sun: by_map, sample } in observed {
             let own = features(*level, sample.cosine);
             let error = f64::from(sample.open - own.dot(prior));
             let own = own.as_dvec4();
             matrix += DMat4::from_cols(own * own.x, own * own.y, own * own.z, own * own.w);
             vector += own * error;
+            if let Some(by_map) = by_map {
+                sun += sample.sun;
+                mapped += by_map;
+            }
             light += sample.light;
             expected += rig.sky(sample.normal * (2.0 / 3.0)).y * sample.open;
         }
-        let [least, most] = BRIGHTNESS;
-        let brightness = if expected > 0.0 { (light / expected).clamp(least, most) } else { 1.0 };
         // The prior's places make the matrix positive definite.
-        Self { weights: prior + (matrix.inverse() * vector).as_vec4(), brightness }
+        let weights = prior + (matrix.inverse() * vector).as_vec4();
+        Self { weights, brightness: factor(light, expected), sunshine: factor(sun, mapped) }
     }
 
     /// Visible fraction of the sky.
@@ -131,6 +148,17 @@ impl SkyFit {
     pub(super) fn brightness(&self) -> f32 {
         self.brightness
     }
+
+    /// See the field.
+    pub(super) fn sunshine(&self) -> f32 {
+        self.sunshine
+    }
+}
+
+/// A sum that was traced over the same by an estimate.
+fn factor(traced: f32, estimated: f32) -> f32 {
+    let [least, most] = FACTORS;
+    if estimated > 0.0 { (traced / estimated).clamp(least, most) } else { 1.0 }
 }
 
 fn features(level: f32, cosine: f32) -> Vec4 {
@@ -149,7 +177,7 @@ fn observe(
     memory: &mut TileMemory,
     [column, row]: [u32; 2],
 ) -> Option<Vec<Observed>> {
-    let Picture { pieces, screen, planes, blocks, camera, options, split } = picture;
+    let Picture { pieces, screen, planes, blocks, camera, options, split, .. } = picture;
     let corner = [column * SIDE, row * SIDE];
     let tile = memory.tile((pieces, screen, planes), corner, blocks.of(column, row));
     let nearest = blocks.of(column, row).iter().fold(f32::INFINITY, |a, b| a.min(b.nearest));
@@ -171,14 +199,16 @@ fn observe(
         lod: false,
         ..options.clone()
     };
-    let tracer = RayTracer::for_sky(&scene, &bounds, camera, &fine);
+    let tracer = RayTracer::without_bounces(&scene, &bounds, camera, &fine);
     let scale = finer as f32 / split as f32;
     let observed = places().into_iter().filter_map(|place| {
         let place = middle + (place - 0.5) * side;
-        let sample = tracer.sky_sample((place * scale).to_array())?;
-        let depth = screen.depth(sample.position - pieces.centre);
-        let level = layers.sky_level(place, sample.radius, depth);
-        Some(Observed { level, sample })
+        let sample = tracer.light_sample((place * scale).to_array())?;
+        let position = sample.position - pieces.centre;
+        let level = layers.sky_level(place, sample.radius, screen.depth(position));
+        let cosine = sample.normal.dot(picture.toward_sun).max(0.0);
+        let lit = picture.shadows.lit_by_near(position, sample.radius);
+        Some(Observed { level, sun: lit.map(|lit| if lit { cosine } else { 0.0 }), sample })
     });
     Some(observed.collect())
 }
