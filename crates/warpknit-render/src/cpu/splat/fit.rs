@@ -195,6 +195,8 @@ fn observe(
         width: options.width * finer,
         height: options.height * finer,
         sky_rays: SKY_RAYS,
+        // Far yarns have no noise, and so no seed.
+        seed: 0,
         spp: 1,
         lod: false,
         ..options.clone()
