@@ -110,9 +110,7 @@ fn drawing_bytes(
     let pixel = cameras.iter().map(|camera| smallest_pixel(scene, camera, options));
     let pixel = pixel.fold(f64::INFINITY, f64::min);
     let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
-    // Textured yarns are traced while they are wider than a pixel, others while wider than two.
-    let thin = if scene.maps.is_empty() { 1.0 } else { 2.0 };
-    if options.lod && pixel > thin * thickest {
+    if options.lod && pixel > f64::from(scene.mask_radii()) * thickest {
         return MASK_PIXEL * pixels + MASK_POINT * points;
     }
     // A loop goes up and down its course and over to its wale.

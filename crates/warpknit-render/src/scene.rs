@@ -257,6 +257,14 @@ impl Scene {
         self.maps_of(look).map_or(look.albedo, Maps::mean_albedo)
     }
 
+    /// Radii of the thickest yarn in a pixel above which the processor draws yarns as coverage masks:
+    /// yarns up to two pixels wide, whose bends no pixel shows. With textures it is yarns up to a
+    /// pixel wide, because places around a yarn are left out there.
+    #[must_use]
+    pub fn mask_radii(&self) -> f32 {
+        if self.maps.is_empty() { 1.0 } else { 2.0 }
+    }
+
     /// Mean colour of all yarns, weighted by their data points. Light that is reflected between
     /// yarns takes on this colour.
     #[must_use]

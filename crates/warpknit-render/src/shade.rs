@@ -128,12 +128,24 @@ pub(super) const LAYER_RADII: f32 = 12.0;
 /// It is a logistic curve, fitted to the result of traced rays on tricot and locknit from three
 /// sides. The fit has a root mean square error of 0.13 for a visibility that varies by 0.26. Yarn
 /// of another layer, seen through a hole, has the visibility of a cloth's middle, 0.5.
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the twin of a shader's function"))]
 pub(super) fn sky_visibility(before: Option<f32>, cover: f32, cosine: f32, is_ribbon: bool) -> f32 {
+    let [across, facing] = SKY_FACING;
+    (sky_level(before, cover, is_ribbon) * (across + facing * cosine)).clamp(0.0, 1.0)
+}
+
+/// The part of [`sky_visibility`] that does not depend on the normal. The processor's renderer fits
+/// the rest to each picture (`cpu/splat/sky`).
+pub(super) fn sky_level(before: Option<f32>, cover: f32, is_ribbon: bool) -> f32 {
     // Depths where half of the sky is visible, and the slope, both from the fit.
     let middle = if is_ribbon { -0.35 } else { 0.065 };
     let level = before.map_or(0.5, |before| 1.0 / (1.0 + (middle - 0.427 * before).exp()));
-    ((1.0 + cover * (level - 1.0)) * (0.51 + (1.2 - 0.51) * cosine)).clamp(0.0, 1.0)
+    1.0 + cover * (level - 1.0)
 }
+
+/// Weights of the level, and of the level times the cosine of a normal and the direction to the eye,
+/// in the visibility of the sky.
+pub(super) const SKY_FACING: [f32; 2] = [0.51, 0.69];
 
 /// Beckmann's distribution of microfacet normals. `cosine` is that of the angle between normal and
 /// half vector.

@@ -25,6 +25,7 @@ use glam::{Vec3, Vec4};
 use super::film::Splats;
 use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, textured_surface};
 use super::sample::{SampleDimension, Sampler};
+use super::splat::fit::LightSample;
 use super::{is_thin, share, to_f32};
 use crate::light::{Rig, SKY_REACH_RADII};
 use crate::ply::{self, YarnPoint};
@@ -81,6 +82,46 @@ impl<'a> RayTracer<'a> {
         let segments = Segments::new(scene, bounds, camera, options);
         let eye = CameraRays::new(camera, options, segments.paths.centre, segments.bounds);
         Self { bvh: SegmentBvh::new(segments), eye, rig: options.light.around(camera) }
+    }
+
+    /// The same where yarns in front of the sky are black.
+    pub(super) fn without_bounces(
+        scene: &'a Scene,
+        bounds: &Bounds,
+        camera: &'a Camera,
+        options: &'a RenderOptions,
+    ) -> Self {
+        let mut tracer = Self::new(scene, bounds, camera, options);
+        tracer.rig.interior = Vec3::ZERO;
+        tracer
+    }
+
+    /// What a ray through a place of the picture meets, in pixels, and the light that arrives there.
+    pub(super) fn light_sample(&self, [x, y]: [f32; 2]) -> Option<LightSample> {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded down")]
+        let pixel = [x as u32, y as u32];
+        let sampler = Sampler::new(pixel[0], pixel[1], self.eye.options.seed);
+        let mut waiting = Waiting::new();
+        let ray = self.eye.primary_ray(pixel, [x.fract(), y.fract()], sampler.random_bits(0))?;
+        let mut here = self.surface_hit(&ray, self.bvh.nearest(&ray, &mut waiting)?);
+        // Plies tilt the normal to all sides alike.
+        here.surface.normal = here.smooth_normal;
+        let sky = self.sky_light(&here, &sampler, 0, &mut waiting);
+        let toward_sun = self.rig.toward_sun;
+        let cosine = here.smooth_normal.dot(toward_sun);
+        let in_sun = cosine > 0.0 && {
+            let ray = here.secondary_ray(toward_sun, here.radius * SKY_REACH_RADII);
+            self.bvh.occluder(&ray, here.start, &mut waiting).is_none()
+        };
+        Some(LightSample {
+            position: here.position + self.bvh.segments.paths.centre.as_vec3(),
+            normal: here.smooth_normal,
+            cosine: here.smooth_normal.dot(here.toward_eye),
+            radius: here.radius,
+            open: sky.open,
+            light: sky.light.y,
+            sun: if in_sun { cosine } else { 0.0 },
+        })
     }
 
     /// Adds the samples of one pixel to its film row.

@@ -9,6 +9,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 use super::masks::PLACES;
+use super::tiles::{Fragment, SIDE, Tile};
 use super::visible::TileRows;
 use crate::shade::{self, LAYER_RADII};
 
@@ -19,8 +20,8 @@ const SQUARE: u32 = 2;
 /// Means of the nearest layer's depths.
 #[derive(Debug)]
 pub(super) struct LayerDepths {
-    /// First row of squares.
-    top: u32,
+    /// First column and row of squares.
+    first: [u32; 2],
     /// Number of squares across and down.
     size: [u32; 2],
     /// Side of a square, cells.
@@ -42,22 +43,37 @@ impl LayerDepths {
         let squares = (top..end)
             .into_par_iter()
             .flat_map_iter(|y| (0..across).map(move |x| square(tiles, [x, y], side, layer)));
-        Self { top, size: [across, end - top], side, layer, squares: squares.collect() }
+        Self { first: [0, top], size: [across, end - top], side, layer, squares: squares.collect() }
     }
 
-    /// Visibility of the sky for a yarn of this radius at `depth`, at `place`, in cells.
-    /// `cosine` is that of the angle between its normal and the direction to the eye.
-    pub(super) fn sky_visibility(&self, place: Vec2, radius: f32, depth: f32, cosine: f32) -> f32 {
+    /// Averages the depths of one tile, in this column and row.
+    pub(super) fn of_tile(tile: &Tile, at: [u32; 2], thinnest: f32, split: u32) -> Self {
+        let side = (SQUARE * split).min(SIDE);
+        let (count, layer) = (SIDE / side, LAYER_RADII * thinnest);
+        let of_square = |[x, y]: [u32; 2]| {
+            let cells = (y * side..(y + 1) * side)
+                .flat_map(|y| (x * side..(x + 1) * side).map(move |x| tile.cell([x, y])));
+            mean(cells, layer)
+        };
+        let squares = (0..count).flat_map(|y| (0..count).map(move |x| [x, y])).map(of_square);
+        let first = at.map(|at| at * count);
+        Self { first, size: [count; 2], side, layer, squares: squares.collect() }
+    }
+
+    /// Level in the cloth of a yarn of this radius at `depth`, at `place`, in cells: see
+    /// [`shade::sky_level`].
+    pub(super) fn sky_level(&self, place: Vec2, radius: f32, depth: f32) -> f32 {
         let [mean, cover] = self.interpolate(place);
         // A yarn behind the layer belongs to another layer, such as the far side of a skirt. Its
         // depth says nothing about its place in its own cloth.
         let before = (depth - mean <= self.layer).then(|| (mean - depth) / radius);
-        shade::sky_visibility(before, cover, cosine, false)
+        shade::sky_level(before, cover, false)
     }
 
     /// Mean depth and cover, interpolated between squares.
     fn interpolate(&self, place: Vec2) -> [f32; 2] {
-        let place = place / self.side as f32 - Vec2::new(0.5, 0.5 + self.top as f32);
+        let first = Vec2::new(self.first[0] as f32, self.first[1] as f32);
+        let place = place / self.side as f32 - first - 0.5;
         let corner = place.floor();
         let part = place - corner;
         #[expect(clippy::cast_possible_truncation, reason = "a pixel's number")]
@@ -90,7 +106,11 @@ fn square(tiles: &TileRows, [x, y]: [u32; 2], side: u32, layer: f32) -> [f32; 2]
     let all = tiles.cell_rows();
     let columns = x * side..tiles.width.min((x + 1) * side);
     let rows = all.start.max(y * side)..all.end.min((y + 1) * side);
-    let cells = rows.flat_map(|y| columns.clone().map(move |x| tiles.cell([x, y])));
+    mean(rows.flat_map(|y| columns.clone().map(move |x| tiles.cell([x, y]))), layer)
+}
+
+/// Mean depth of the nearest layer of some cells, and its cover.
+fn mean<'a>(cells: impl Iterator<Item = &'a [Fragment]> + Clone, layer: f32) -> [f32; 2] {
     let first =
         (cells.clone().flatten()).fold(f32::INFINITY, |first, fragment| first.min(fragment.depth));
     // Depths are summed relative to the nearest one: in `f32`, sums of metres would lose a yarn's

@@ -7,6 +7,7 @@
 
 use glam::{Vec2, Vec3};
 
+use super::fit::LightFit;
 use super::layers::LayerDepths;
 use super::masks::{PLACES, Stroke, places};
 use super::pieces::SplatPieces;
@@ -43,6 +44,8 @@ pub(super) struct Lights {
     shadows: ShadowMap,
     /// Directions to points of the sun's disc, spread evenly.
     suns: [Vec3; SUNS as usize],
+    /// Estimates that are fitted to the scene.
+    fit: LightFit,
     /// Mean base colour of all yarns.
     albedo: Vec3,
     places: [Vec2; PLACES],
@@ -107,12 +110,12 @@ impl Section<'_> {
 }
 
 impl Lights {
-    pub(super) fn new(rig: Rig, shadows: ShadowMap, albedo: Vec3) -> Self {
+    pub(super) fn new(rig: Rig, shadows: ShadowMap, fit: LightFit, albedo: Vec3) -> Self {
         let (sampler, mut number) = (Sampler::new(0, 0, 0), 0..);
         let suns = [(); SUNS as usize].map(|()| {
             rig.sun_sample(sampler.pair(SampleDimension::Sun, number.next().unwrap_or(0), SUNS))
         });
-        Self { rig, shadows, suns, albedo, places: places() }
+        Self { rig, shadows, suns, fit, albedo, places: places() }
     }
 
     /// Mean light toward the eye of a fragment in the cell whose corner is `corner`.
@@ -128,7 +131,9 @@ impl Lights {
         let spread = self.spread(&stroke, corner, fragment.mask);
         let share = stroke.share(spread.mean);
         let axis = piece.ends[0].lerp(piece.ends[1], share);
-        let tangent = pieces.tangent(strand, fragment.piece, share);
+        // The direction of the straight piece, as it hides others and casts shadows. That of the curve
+        // would light surfaces that this piece does not have: a quarter too dark on oblique tricot.
+        let tangent = (piece.ends[1] - piece.ends[0]).normalize_or(Vec3::X);
         let toward_eye = (screen.eye - axis).normalize();
         // A tangent frame for the visible half of the tube.
         let width = tangent.cross(toward_eye).normalize_or(screen.right);
@@ -149,7 +154,8 @@ impl Lights {
         let aside = screen.to_world(stroke.across()).dot(width) * spread.deviation / radius;
         let open = |outward: Vec3| {
             let depth = screen.depth(axis + outward * piece.radius);
-            layers.sky_visibility(spread.mean, piece.radius, depth, outward.dot(toward_eye))
+            let level = layers.sky_level(spread.mean, piece.radius, depth);
+            self.fit.open(level, outward.dot(toward_eye))
         };
         let nodes: &[(f32, f32)] = match spread.count {
             WIDE.. => &GAUSS_3,
@@ -209,7 +215,8 @@ impl Lights {
             return Vec3::ZERO;
         }
         let radius = section.look.radius;
-        let lit = self.shadows.lit_share(section.axis + outward * radius, radius, &self.suns);
+        let lit = self.fit.sunshine()
+            * self.shadows.lit_share(section.axis + outward * radius, radius, &self.suns);
         if lit <= 0.0 {
             return Vec3::ZERO;
         }
@@ -226,7 +233,7 @@ impl Lights {
         // The shadow of the brightest line stands for that of the whole highlight.
         let radius = section.look.radius;
         let brightest = section.axis + sheen.highlight_normal(toward, eye) * radius;
-        let lit = self.shadows.lit_share(brightest, radius, &self.suns);
+        let lit = self.fit.sunshine() * self.shadows.lit_share(brightest, radius, &self.suns);
         surface.sheen_color() * self.rig.sun() * (sheen.mean_over_width(toward, eye) * lit)
     }
 
@@ -234,7 +241,7 @@ impl Lights {
     fn sky_light(&self, surface: &Surface, open: f32) -> SkyLight {
         // The sky is linear in the direction's height. So its cosine-weighted mean over the
         // hemisphere is its value two thirds of the way from the horizontal to the normal.
-        let above = self.rig.sky(surface.normal * (2.0 / 3.0));
+        let above = self.rig.sky(surface.normal * (2.0 / 3.0)) * self.fit.brightness();
         // An occluder is about as often the same yarn as another one.
         let interior = self.rig.interior * surface.albedo.midpoint(self.albedo);
         SkyLight { light: above * open + interior * (1.0 - open), open }

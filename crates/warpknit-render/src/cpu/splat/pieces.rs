@@ -22,7 +22,7 @@ const PART_BLOCKS: u32 = 256;
 pub(super) struct SplatPieces<'a> {
     pub(super) scene: &'a Scene,
     /// The scene's centre, to which positions are relative.
-    centre: Vec3,
+    pub(super) centre: Vec3,
     lengths: SpanLengths,
 }
 
@@ -125,22 +125,6 @@ impl<'a> SplatPieces<'a> {
     /// The strand of a data point.
     pub(super) fn strand_of(&self, point: u32) -> usize {
         self.scene.strands.partition_point(|strand| strand.points.end <= point)
-    }
-
-    /// Unit tangent at fraction `s` of the piece that starts at data point `first`, interpolated
-    /// between central differences at its ends. It is continuous from piece to piece.
-    pub(super) fn tangent(&self, strand: usize, first: u32, s: f32) -> Vec3 {
-        let points = &self.scene.strands[strand].points;
-        let next = (first + 1).min(points.end - 1);
-        let [start, end] = [first, next].map(|point| self.central_difference(point, points));
-        start.lerp(end, s).normalize_or(Vec3::X)
-    }
-
-    /// Direction from the data point before `point` to the one after it.
-    fn central_difference(&self, point: u32, strand: &Range<u32>) -> Vec3 {
-        let ends = [point.saturating_sub(1).max(strand.start), (point + 1).min(strand.end - 1)];
-        let [before, after] = ends.map(|end| self.scene.positions[end as usize]);
-        (after - before).normalize_or_zero()
     }
 
     /// Arc length at fraction `s` of that piece, mm, as if all pieces had the mean length. Exact

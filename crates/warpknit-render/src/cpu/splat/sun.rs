@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::outline::CapsuleOutline;
 use super::pieces::SplatPieces;
 use super::screen::Screen;
+use crate::light::SKY_REACH_RADII;
 
 /// Size of a texel, radii of the thinnest yarn. Finer texels resolve what no pixel shows. Coarser
 /// ones let light through between yarns, or close the gaps.
@@ -158,6 +159,15 @@ impl ShadowMap {
             at.z - self.depth(there) <= 0.5 * away
         });
         lit.count() as f32 / suns.len() as f32
+    }
+
+    /// Whether the sun's centre lights a point on a yarn of this radius. `None` where the shadow is
+    /// that of cloth farther away than what is traced around a place.
+    pub(super) fn lit_by_near(&self, place: Vec3, radius: f32) -> Option<bool> {
+        let at = self.project(place);
+        let before = at.z - self.depth(self.texel_at(at.truncate()));
+        (before <= SKY_REACH_RADII * radius)
+            .then(|| before <= BIAS_TEXELS * self.texel + BIAS_RADII * radius)
     }
 
     /// The texel at a place of the grid, clamped to its border.
