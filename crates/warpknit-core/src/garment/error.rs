@@ -39,7 +39,7 @@ pub enum GarmentError {
         reason: std::io::Error,
     },
     /// The file is of a kind that isn't read.
-    #[error("{}: this is {kind}; export OBJ or PLY", .path.display())]
+    #[error("{}: this is {kind}; export OBJ, GLB, USD or PLY", .path.display())]
     Kind {
         /// The file.
         path: PathBuf,
