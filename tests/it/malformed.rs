@@ -213,13 +213,13 @@ fn what_is_no_readable_file_is_named() {
     std::fs::write(&good, format!("{HEAD}f 1/1 2/2 3/3\n")).unwrap();
     for (flat, draped) in [(&path, None), (&good, Some(path.as_path()))] {
         let error = read(flat, draped, &ReadOptions::default()).unwrap_err().to_string();
-        assert_eq!(error, format!("{}: is a directory: give an OBJ file", path.display()));
+        assert_eq!(error, format!("{}: is a directory: give a file", path.display()));
         // A folder may hold the frames of a sequence, and this one has none.
         check_command(
             "an empty folder",
             flat,
             draped,
-            &format!("{}: there is no .obj file in this folder", path.display()),
+            &format!("{}: there is no .obj, .glb, .usd or .ply file in this folder", path.display()),
         );
     }
 }

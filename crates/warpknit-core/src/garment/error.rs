@@ -20,7 +20,7 @@ pub enum GarmentError {
         reason: std::io::Error,
     },
     /// A folder was given where a file is needed.
-    #[error("{}: is a directory: give an OBJ file", .path.display())]
+    #[error("{}: is a directory: give a file", .path.display())]
     Directory {
         /// The folder.
         path: PathBuf,

@@ -39,6 +39,17 @@ struct Reader<'a> {
     at: usize,
 }
 
+/// Whether values of a type are floats of 32 bits: `float`, `float3`, `point3f`, `texCoord2f`.
+fn is_single(kind: &str) -> bool {
+    kind.starts_with("float") || kind.ends_with('f')
+}
+
+/// The nearest float of 32 bits. Text gives as many digits as tell one from the next.
+#[expect(clippy::cast_possible_truncation, reason = "the nearest is meant")]
+fn single(number: f64) -> f64 {
+    f64::from(number as f32)
+}
+
 /// How deep lists and tuples may lie in each other.
 const DEEPEST_LIST: usize = 8;
 
@@ -306,6 +317,11 @@ impl<'a> Reader<'a> {
                 value = Some(self.value()?);
             }
         }
+        if let Some(value) = &mut value
+            && is_single(kind)
+        {
+            value.numbers.iter_mut().for_each(|number| *number = single(*number));
+        }
         let metadata = self.metadata()?;
         if kind == "rel" || part == "connect" || !is_needed(name) {
             return Some(());
@@ -391,7 +407,7 @@ def Xform "up" (kind = "component" prepend apiSchemas = ["A"]) {
         int[] faceVertexCounts = [4]
         int[] faceVertexIndices = [0, 1, 2, 3,]
         point3f[] points.timeSamples = { 2: [(9,9,9)], 1.5: [(0,0,0), (1,0,0), (1,1,0), (0,1,-1e1)] }
-        texCoord2f[] primvars:st = [(0,0), (1,0), (1,1), (0,1)] ( interpolation = "faceVarying" )
+        texCoord2f[] primvars:st = [(0,0), (1,0), (1,0.1), (0,1)] ( interpolation = "faceVarying" )
         int[] primvars:st:indices = [0, 1, 2, 3]
         asset a = @a "b"@
     }
@@ -404,6 +420,7 @@ def Xform "up" (kind = "component" prepend apiSchemas = ["A"]) {
         let mesh = parse_text(SQUARE.as_bytes()).unwrap();
         assert_eq!((mesh.positions.len(), mesh.triangles.len(), mesh.untextured), (4, 2, 0));
         assert_eq!(mesh.positions[3].to_array(), [0.0, -5.0, -1.0]);
+        assert_eq!(mesh.texture[2].y, f64::from(0.1_f32));
         assert_eq!(mesh.unit, Some(Unit::Cm));
         assert_eq!(mesh.names, ["cloth"]);
         for end in 0..SQUARE.len() - 2 {
@@ -420,7 +437,7 @@ def Xform "up" (kind = "component" prepend apiSchemas = ["A"]) {
             ("[4]", "[-1]", "face 0"),
             ("[4]", "[2, 2]", "three corners"),
             ("0, 1, 2, 3,]", "0, 1, 2, 1e30]", "face 0"),
-            ("(1,0), (1,1)", "(1,1)", "primvars:st"),
+            ("(1,0), (1,0.1)", "(1,0)", "primvars:st"),
             ("-1e1", "nan", "not finite"),
             ("translate\"]", "turn\"]", "transform"),
             ("(0, 0, 5)", "(0, 5)", "transform"),
