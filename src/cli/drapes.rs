@@ -125,11 +125,9 @@ fn garment_files(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = entries.with_context(|| format!("{}: can't be listed", folder.display()))?;
     let mut files = Vec::new();
     for path in entries.iter().map(std::fs::DirEntry::path) {
-        let is_garment = |ending: &std::ffi::OsStr| {
-            ENDINGS.iter().any(|own| ending.eq_ignore_ascii_case(own))
-        };
-        if path.extension().is_some_and(is_garment) && path.is_file()
-        {
+        let is_garment =
+            |ending: &std::ffi::OsStr| ENDINGS.iter().any(|own| ending.eq_ignore_ascii_case(own));
+        if path.extension().is_some_and(is_garment) && path.is_file() {
             files.push(path);
         }
     }

@@ -52,7 +52,11 @@ fn obj() -> String {
 /// The points of a garment's yarns as the command writes them.
 fn yarns(folder: &Path, garment: &Path) -> Vec<f64> {
     let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
-    command.env("XDG_CACHE_HOME", crate::cache_home()).current_dir(folder).arg("drape").arg(garment);
+    command
+        .env("XDG_CACHE_HOME", crate::cache_home())
+        .current_dir(folder)
+        .arg("drape")
+        .arg(garment);
     command.args(["--wales-per-cm", "2", "--quiet", "-o", "yarns.csv"]).assert().success();
     let text = std::fs::read_to_string(folder.join("yarns.csv")).unwrap();
     text.split(['\n', ',']).filter_map(|number| number.parse().ok()).collect()

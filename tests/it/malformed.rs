@@ -219,7 +219,10 @@ fn what_is_no_readable_file_is_named() {
             "an empty folder",
             flat,
             draped,
-            &format!("{}: there is no .obj, .glb, .usd or .ply file in this folder", path.display()),
+            &format!(
+                "{}: there is no .obj, .glb, .usd or .ply file in this folder",
+                path.display()
+            ),
         );
     }
 }

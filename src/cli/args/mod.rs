@@ -26,9 +26,10 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, FactsFormat, FileUnitArg, InpArg, MappingArg, NodesArg, PrecisionArg, RendererArg,
-    RunIn, ShapeArg, SwitchArg, UpArg, UsdCurvesArg, ViewArg, diagram, enlarge, field_of_view,
-    finite, flattening, loupe, output, positive, run_in, samples, size, stretch, vector,
+    EdgeArg, FactsFormat, FileUnitArg, FloatArg, InpArg, MappingArg, NodesArg, PrecisionArg,
+    RendererArg, RunIn, ShapeArg, SwitchArg, UpArg, UsdCurvesArg, ViewArg, diagram, enlarge,
+    field_of_view, finite, flattening, loupe, output, positive, run_in, samples, size, stretch,
+    vector,
 };
 
 /// The fabric, unless one is named.
@@ -529,6 +530,12 @@ pub(crate) struct Shared {
     /// What has a node of its own in a .glb
     #[arg(long, value_enum, default_value = "bar")]
     pub(crate) nodes: NodesArg,
+    /// Floats of an .npz
+    #[arg(long, value_enum, default_value = "f64")]
+    pub(crate) npz_precision: FloatArg,
+    /// Compress an .npz
+    #[arg(long)]
+    pub(crate) npz_compress: bool,
     /// Size of the picture
     #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
     pub(crate) size: (u32, u32),
