@@ -242,7 +242,7 @@ fn npz_holds_the_data_points_of_the_csv_and_the_cut_ends() {
 fn npz_may_be_of_32_bits_and_compressed() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, flags: &[&str]| {
-        let mut command = warpknit(folder.path());
+        let mut command = crate::cli::warpknit(folder.path());
         command
             .args(["swatch", "--wales", "8", "--courses", "8", "--quiet", "-o", name])
             .args(flags);

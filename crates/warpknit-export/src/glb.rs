@@ -29,7 +29,7 @@ use json::validation::USize64;
 use json::{Accessor, Index, Root};
 use rayon::prelude::*;
 
-use super::glb_block::{METRES_PER_MM, PartRange, PreparedBlock, bounds};
+use super::glb_block::{METRES_PER_MM, PreparedBlock, bounds};
 use super::glb_grid::{Grid, QUANTIZATION, quantised_normal};
 use super::glb_material::root_of;
 use super::patched_header::PatchedHeader;
