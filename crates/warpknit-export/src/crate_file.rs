@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use std::io::{self, Seek, Write};
 
 use super::crate_ints::{block, numbers_block};
-use super::crate_spec::{Spec, SpecKind, Value};
+use super::crate_spec::{INLINED, Kind, Spec, SpecKind, Value, Word};
 use super::patched_header::PatchedHeader;
 use super::{Destination, ExportError};
 use warpknit_core::ids::index32;
@@ -24,47 +24,6 @@ const VERSION: [u8; 3] = [0, 8, 0];
 const ALIGNED: u64 = 8;
 /// Ends a set of fields.
 const END_OF_SET: u32 = u32::MAX;
-
-/// Marks a value as an array.
-const ARRAY: u64 = 1 << 63;
-/// Marks a value that stands in its own word.
-const INLINED: u64 = 1 << 62;
-/// Marks an array of coded integers.
-const CODED: u64 = 1 << 61;
-
-/// A type of values, by its number in the file.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Kind {
-    Int = 3,
-    Float = 8,
-    Double = 9,
-    Token = 11,
-    Vec2f = 20,
-    Vec3f = 24,
-    TokenListOp = 32,
-    PathListOp = 34,
-    TokenVector = 41,
-    Specifier = 42,
-    Variability = 44,
-    TimeSamples = 46,
-    DoubleVector = 48,
-    String = 10,
-}
-
-/// A value in the file, or where it lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Word(u64);
-
-impl Word {
-    fn new(kind: Kind, payload: u64, marks: u64) -> Self {
-        Self(marks | (kind as u64) << 48 | payload)
-    }
-
-    /// An array of that kind at that place; `None` for an empty one.
-    pub(super) fn array(kind: Kind, at: Option<u64>, is_coded: bool) -> Self {
-        Self::new(kind, at.unwrap_or(0), if is_coded { ARRAY | CODED } else { ARRAY })
-    }
-}
 
 /// Names and numbers of the file's sections.
 #[derive(Debug)]

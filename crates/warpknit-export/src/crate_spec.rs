@@ -1,7 +1,46 @@
 //! The tree of a USD stage, to be written as a crate file: prims, their properties, and the values
-//! of fields.
+//! of fields, with the words that stand for values in the file.
 
-use super::crate_file::Word;
+/// Marks a value as an array.
+const ARRAY: u64 = 1 << 63;
+/// Marks a value that stands in its own word.
+pub(super) const INLINED: u64 = 1 << 62;
+/// Marks an array of coded integers.
+const CODED: u64 = 1 << 61;
+
+/// A type of values, by its number in the file.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Kind {
+    Int = 3,
+    Float = 8,
+    Double = 9,
+    Token = 11,
+    Vec2f = 20,
+    Vec3f = 24,
+    TokenListOp = 32,
+    PathListOp = 34,
+    TokenVector = 41,
+    Specifier = 42,
+    Variability = 44,
+    TimeSamples = 46,
+    DoubleVector = 48,
+    String = 10,
+}
+
+/// A value in the file, or where it lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Word(pub(super) u64);
+
+impl Word {
+    pub(super) fn new(kind: Kind, payload: u64, marks: u64) -> Self {
+        Self(marks | (kind as u64) << 48 | payload)
+    }
+
+    /// An array of that kind at that place; `None` for an empty one.
+    pub(super) fn array(kind: Kind, at: Option<u64>, is_coded: bool) -> Self {
+        Self::new(kind, at.unwrap_or(0), if is_coded { ARRAY | CODED } else { ARRAY })
+    }
+}
 
 /// A value of a field.
 #[derive(Clone, Debug)]

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
-use super::glb::{GlbOptions, Nodes, Precision};
+use super::glb_options::{GlbOptions, Nodes, Precision};
 use super::texture::TextureSet;
 use warpknit_core::drape::Block;
 use warpknit_core::ids::{YarnId, index32};

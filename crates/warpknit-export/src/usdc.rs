@@ -13,9 +13,9 @@ use std::io::{self, Seek, Write};
 use glam::Vec3;
 
 use super::buffer::{Buffer, Conveyor};
-use super::crate_file::{CrateFile, Kind, Word};
+use super::crate_file::CrateFile;
 use super::crate_ints::WaitingNumbers;
-use super::crate_spec::{Spec, Value};
+use super::crate_spec::{Kind, Spec, Value, Word};
 use super::spool::Spool;
 use super::usd_stage::{
     Array, EMPTY, MATERIAL_SCHEMAS, UsdCurves, blocks_by_prim, course_and_wale, each_span,

@@ -425,8 +425,10 @@ mod tests {
     fn square(address: &str) -> String {
         format!(
             r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
-            "nodes":[{{"name":"up","translation":[0,1,0],"children":[1]}},{{"mesh":0,"scale":[2,2,2]}}],
-            "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},"indices":2}}]}}],
+            "nodes":[{{"name":"up","translation":[0,1,0],"children":[1]}},
+            {{"mesh":0,"scale":[2,2,2]}}],
+            "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},
+            "indices":2}}]}}],
             "accessors":[{{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3"}},
             {{"bufferView":1,"componentType":5121,"count":4,"type":"VEC2","normalized":true}},
             {{"bufferView":2,"componentType":5121,"count":6,"type":"SCALAR"}}],
@@ -542,7 +544,9 @@ mod tests {
     proptest! {
         #[test]
         fn anything_is_read_or_refused(
-            at in any::<prop::sample::Index>(), byte in any::<u8>(), body in prop::collection::vec(any::<u8>(), 70)
+            at in any::<prop::sample::Index>(),
+            byte in any::<u8>(),
+            body in prop::collection::vec(any::<u8>(), 70),
         ) {
             let mut file = binary(&square(""), &body);
             let length = file.len();

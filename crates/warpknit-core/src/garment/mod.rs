@@ -1,7 +1,7 @@
 //! The garment: panels whose flat triangles know their draped positions.
 //!
-//! In: one OBJ, glTF, USD or PLY with `vt`, or a flat and a draped one ([`read`]). Out: a [`Garment`] in millimetres,
-//! each [`Panel`] in axes of its own.
+//! In: one OBJ, glTF, USD or PLY with `vt`, or a flat and a draped one ([`read`]). Out: a
+//! [`Garment`] in millimetres, each [`Panel`] in axes of its own.
 //!
 //! The steps: `obj` parses the text into a mesh, `pair` pairs flat and draped triangles, `winding`
 //! turns round the faces that are wound against their neighbours, `pieces` finds the connected

@@ -208,7 +208,7 @@ fn add_faces(soup: &mut Soup, prim: &Prim, stage_from_prim: DAffine3) -> Result<
         }
         if !soup.add(&places, flat.as_deref()) {
             return Err(format!(
-                "has a face {face} of under three corners, or a number in it that is not finite: export it again"
+                "has a face {face} of under three corners, or of a number that is not finite"
             ));
         }
         first += own.len();

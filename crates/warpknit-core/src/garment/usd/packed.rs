@@ -12,7 +12,7 @@ const MOST_BYTES: usize = 1 << 28;
 /// The fewest bytes that a copy has.
 const SHORTEST_COPY: usize = 4;
 
-/// What a block holds. Its first byte is the number of its pieces, or 0 for one piece that fills it.
+/// What a block holds. Its first byte is the number of its pieces, or 0 for one that fills it.
 pub(super) fn unpacked(packed: &[u8]) -> Option<Vec<u8>> {
     let mut block = Cursor::new(packed);
     let [pieces] = block.take()?;
