@@ -59,6 +59,15 @@ def build(target, context_scene, depsgraph):
     return yarns
 
 
+def tried(operator, target, context):
+    """What `build` returns, or None where it can't be knitted, which the operator reports."""
+    try:
+        return build(target, context.scene, context.evaluated_depsgraph_get())
+    except (knit.KnitError, ValueError, MemoryError) as error:
+        operator.report({"ERROR"}, str(error))
+        return None
+
+
 def copied(settings, target):
     """Gives an object the settings of the panel."""
     for name in WarpknitSettings.__annotations__:
@@ -81,11 +90,9 @@ class WARPKNIT_OT_knit(bpy.types.Operator):
         curves = bpy.data.curves.new(f"{settings.garment.name} yarns", "CURVE")
         target = bpy.data.objects.new(curves.name, curves)
         copied(settings, target)
-        try:
-            yarns = build(target, context.scene, context.evaluated_depsgraph_get())
-        except (knit.KnitError, ValueError, MemoryError) as error:
+        yarns = tried(self, target, context)
+        if yarns is None:
             bpy.data.curves.remove(curves)
-            self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         context.collection.objects.link(target)
         self.report({"INFO"}, f"{yarns.stitches} stitches in {len(yarns)} yarns")
@@ -105,12 +112,7 @@ class WARPKNIT_OT_rebuild(bpy.types.Operator):
         return active is not None and active.type == "CURVE" and active.warpknit.garment is not None
 
     def execute(self, context):
-        try:
-            build(context.object, context.scene, context.evaluated_depsgraph_get())
-        except (knit.KnitError, ValueError, MemoryError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        return {"CANCELLED"} if tried(self, context.object, context) is None else {"FINISHED"}
 
 
 class WARPKNIT_PT_panel(bpy.types.Panel):

@@ -77,7 +77,8 @@ impl Garment {
     /// Raises GarmentError.
     #[staticmethod]
     #[pyo3(signature = (flat, draped, faces, *, unit="mm", uv_scale=Some(1.0), grain=0.0,
-                        turn=false))]
+                        turn=false),
+        text_signature = "(flat, draped, faces, *, unit='mm', uv_scale=1.0, grain=0.0, turn=False)")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn from_arrays(
         py: Python<'_>,

@@ -105,7 +105,7 @@ def test_pictures_are_arrays_and_png(yarns: warpknit.Yarns) -> None:
     assert picture.shape == (60, 80, 4) and picture.dtype == np.uint8
     assert (picture[..., 3] == 255).all() and (picture[30, 40, :3] != 255).any()
     clear = yarns.render(size=(80, 60), background="transparent")
-    assert clear[0, 0, 3] == 0 and clear[30, 40, 3] == 255
+    assert clear[0, 0, 3] == 0 and clear[30, 40, 3] > 200
     png = yarns._repr_png_()
     assert png.startswith(b"\x89PNG") and png[16:24] == (800).to_bytes(4, "big") + (600).to_bytes(4, "big")
 

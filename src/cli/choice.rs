@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use warpknit::export::Axes;
 use warpknit::export::glb::GlbOptions;
+use warpknit::export::npz::NpzOptions;
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::ReadOptions;
 use warpknit::pipeline::{Densities, PictureSettings, Placement, Settings, Source, cache_folder};
 
 use super::args::{Chains, Drawing, Laying, Reading, Shared};
 use super::terminal::tell;
-use super::values::{RunIn, SwitchArg};
+use super::values::{FloatArg, RunIn, SwitchArg};
 
 impl Laying {
     /// The placement of yarns on a garment.
@@ -64,6 +65,10 @@ impl Shared {
             inp: self.inp.into(),
             axes: Axes { unit: self.file_unit.into(), up: self.up.into() },
             glb: GlbOptions { precision: self.glb_precision.into(), nodes: self.nodes.into() },
+            npz: NpzOptions {
+                is_single: matches!(self.npz_precision, FloatArg::F32),
+                is_compressed: self.npz_compress,
+            },
             picture: self.picture(),
             ..Settings::default()
         }

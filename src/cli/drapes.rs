@@ -99,14 +99,14 @@ pub(super) fn expanded(path: &Path) -> Result<Vec<PathBuf>> {
                 .with_context(|| format!("{pattern}: this pattern can't be understood"))?;
             found.collect::<Result<_, _>>()?
         }
-        None if path.is_dir() => obj_files(path)?,
+        None if path.is_dir() => garment_files(path)?,
         None => Vec::new(),
     };
     if let (Some(pattern), true) = (pattern, files.is_empty()) {
         bail!("{pattern}: no file matches this pattern");
     }
     if files.is_empty() && path.is_dir() {
-        bail!("{}: there is no .obj file in this folder", path.display());
+        bail!("{}: there is no .obj, .glb, .usd or .ply file in this folder", path.display());
     }
     if files.is_empty() {
         // A missing file is an error of the reader, which names it.
@@ -116,15 +116,18 @@ pub(super) fn expanded(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The `.obj` files of a folder, in no order.
-fn obj_files(folder: &Path) -> Result<Vec<PathBuf>> {
+/// Endings of garments' files.
+const ENDINGS: [&str; 7] = ["obj", "glb", "gltf", "usd", "usda", "usdc", "ply"];
+
+/// The garments' files of a folder, in no order.
+fn garment_files(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = folder.read_dir().and_then(Iterator::collect::<Result<Vec<_>, _>>);
     let entries = entries.with_context(|| format!("{}: can't be listed", folder.display()))?;
     let mut files = Vec::new();
     for path in entries.iter().map(std::fs::DirEntry::path) {
-        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"))
-            && path.is_file()
-        {
+        let is_garment =
+            |ending: &std::ffi::OsStr| ENDINGS.iter().any(|own| ending.eq_ignore_ascii_case(own));
+        if path.extension().is_some_and(is_garment) && path.is_file() {
             files.push(path);
         }
     }

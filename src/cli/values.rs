@@ -170,6 +170,14 @@ impl From<PrecisionArg> for Precision {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum FloatArg {
+    /// 64 bits
+    F64,
+    /// 32 bits
+    F32,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
 pub(crate) enum NodesArg {
     /// Each bar of each panel
     Bar,

@@ -6,6 +6,7 @@
 
 use crate::drape::{Cloth, DrapeOptions};
 use crate::export::Format;
+use crate::export::npz::NpzOptions;
 use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::render::scene::{Bounds, Scene};
@@ -50,6 +51,7 @@ pub(super) fn file_bytes(
     cloth: &Cloth<'_>,
     fabric: &Fabric,
     section: &Section,
+    npz: NpzOptions,
 ) -> Option<f64> {
     let stitches = float(cloth.stitches());
     let (st, sr) = (f64::from(section.st), f64::from(section.sr));
@@ -69,6 +71,9 @@ pub(super) fn file_bytes(
         Format::Inp => 52.0 * rings,
         Format::Usda => 116.0 * points(cloth, fabric),
         Format::Usdc => 45.0 * points(cloth, fabric),
+        // How far arrays can be compressed depends on the cloth.
+        Format::Npz if npz.is_compressed => return None,
+        Format::Npz if npz.is_single => 66.0 * points(cloth, fabric),
         Format::Npz => 115.0 * points(cloth, fabric),
         Format::Csv => 200.0 * points(cloth, fabric),
     })

@@ -127,7 +127,7 @@ fn files(job: &Job<'_>, setup: &Setup) -> Vec<File> {
         return Vec::new();
     }
     let file = |(path, format): &(std::path::PathBuf, Format)| {
-        let bytes = file_bytes(*format, job.filed(), job.shown, &setup.section)?;
+        let bytes = file_bytes(*format, job.filed(), job.shown, &setup.section, job.settings.npz)?;
         Some(File { name: path.display().to_string(), format: *format, bytes })
     };
     job.outputs.iter().filter_map(file).collect()

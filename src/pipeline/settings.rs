@@ -11,6 +11,7 @@ use super::stretch::Stretch;
 use crate::drape;
 use crate::drape::strands::Edge;
 use crate::export::glb::GlbOptions;
+use crate::export::npz::NpzOptions;
 use crate::export::{Axes, Format, InpDialect, UsdCurves};
 use crate::map::Mapping;
 use crate::render::scene::Shape;
@@ -77,6 +78,8 @@ pub struct Settings {
     pub axes: Axes,
     /// How a `.glb` holds its meshes.
     pub glb: GlbOptions,
+    /// How an `.npz` holds its arrays.
+    pub npz: NpzOptions,
     /// How pictures are taken.
     pub picture: PictureSettings,
 }
@@ -187,6 +190,7 @@ impl Default for Settings {
             inp: InpDialect::default(),
             axes: Axes::default(),
             glb: GlbOptions::default(),
+            npz: NpzOptions::default(),
             picture: PictureSettings::default(),
         }
     }

@@ -72,13 +72,14 @@ fn cloth_info<'a>(job: &Job<'_>, setup: &Setup, panels: &'a [Panel]) -> ClothInf
     // Some formats begin with their number of blocks and yarns, before any yarn is laid.
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
     let facts = setup.facts.clone();
-    let Settings { axes, glb, inp, usd_curves, .. } = *job.settings;
+    let Settings { axes, glb, inp, npz, usd_curves, .. } = *job.settings;
     ClothInfo {
         expected: Some(expected),
         axes,
         facts,
         glb,
         inp,
+        npz,
         usd_curves,
         ..info.on_panels(panels)
     }

@@ -239,6 +239,35 @@ fn npz_holds_the_data_points_of_the_csv_and_the_cut_ends() {
 }
 
 #[test]
+fn npz_may_be_of_32_bits_and_compressed() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, flags: &[&str]| {
+        let mut command = crate::cli::warpknit(folder.path());
+        command
+            .args(["swatch", "--wales", "8", "--courses", "8", "--quiet", "-o", name])
+            .args(flags);
+        command.assert().success();
+        read(folder.path(), name)
+    };
+    let whole = run("a.npz", &[]);
+    let single = run("b.npz", &["--npz-precision", "f32"]);
+    let packed = run("c.npz", &["--npz-precision", "f32", "--npz-compress"]);
+    assert!(single.len() * 3 < whole.len() * 2 && packed.len() * 3 < single.len() * 2);
+    for name in ["flat", "draped", "normal", "weights"] {
+        let (kind, shape, data) = npz(&single, name);
+        let singles: Vec<f32> = bytemuck::pod_collect_to_vec(&data);
+        assert_eq!((kind.as_str(), shape), ("<f4", vec![singles.len() / 3, 3]), "{name}");
+        let doubles = floats(&whole, name);
+        let rounded: Vec<f32> = doubles.as_flattened().iter().map(|own| *own as f32).collect();
+        assert_eq!(singles, rounded, "{name}");
+    }
+    for name in ["draped", "course", "kind", "radius", "color"] {
+        assert_eq!(npz(&single, name), npz(&packed, name), "{name}");
+    }
+    assert_eq!(words(&whole, "yarn"), words(&packed, "yarn"));
+}
+
+#[test]
 fn usd_curves_go_through_the_data_points_with_their_courses() {
     let folder = tempfile::tempdir().unwrap();
     knitted(folder.path());

@@ -24,6 +24,7 @@ mod feed;
 mod files;
 mod finish;
 mod flip;
+mod formats_in;
 mod gallery;
 mod garment;
 mod golden;

@@ -139,7 +139,7 @@ fn files_that_are_no_mesh_are_named() {
     check("a comment", b"# nothing", 0, "no OBJ");
     check("a mark alone", b"\xEF\xBB\xBF", 0, "no OBJ");
     check("a picture", b"\x89PNG\r\n\x1A\n\0\0\0\rIHDR\0\0\x01\0", 0, "this is a picture");
-    check("FBX", b"Kaydara FBX Binary  \0", 0, "this is FBX; export OBJ or PLY");
+    check("FBX", b"Kaydara FBX Binary  \0", 0, "this is FBX; export OBJ, GLB, USD or PLY");
     check("UTF-16", b"\xFF\xFEv\0 \x000\0 \x000\0 \x000\0\n\0", 0, "UTF-16");
     check(
         "a PLY file",
@@ -213,13 +213,16 @@ fn what_is_no_readable_file_is_named() {
     std::fs::write(&good, format!("{HEAD}f 1/1 2/2 3/3\n")).unwrap();
     for (flat, draped) in [(&path, None), (&good, Some(path.as_path()))] {
         let error = read(flat, draped, &ReadOptions::default()).unwrap_err().to_string();
-        assert_eq!(error, format!("{}: is a directory: give an OBJ file", path.display()));
+        assert_eq!(error, format!("{}: is a directory: give a file", path.display()));
         // A folder may hold the frames of a sequence, and this one has none.
         check_command(
             "an empty folder",
             flat,
             draped,
-            &format!("{}: there is no .obj file in this folder", path.display()),
+            &format!(
+                "{}: there is no .obj, .glb, .usd or .ply file in this folder",
+                path.display()
+            ),
         );
     }
 }

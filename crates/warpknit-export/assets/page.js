@@ -66,9 +66,13 @@ function divide({ places, starts }) {
   const chunks = [], CHUNK = starts.at(-1) < 500000 ? 128 : 512;
   let strand = 0;
   for (const [bar, strands] of cloth.runs) {
-    const end = starts[strand += strands];
-    for (let a = starts[strand - strands]; a < end; a += CHUNK) {
-      const b = Math.min(end, a + CHUNK), low = [65535, 65535, 65535], high = [0, 0, 0];
+    const last = strand + strands;
+    for (let a = starts[strand], b; strand < last; a = b) {
+      // Part of a long strand, or short strands that are near each other. A run from the end of a long strand into the
+      // next would span the cloth, and seem nearer than it is.
+      b = Math.min(starts[strand + 1], a + CHUNK);
+      while (b === starts[strand + 1] && ++strand < last && starts[strand + 1] - a <= CHUNK) b = starts[strand + 1];
+      const low = [65535, 65535, 65535], high = [0, 0, 0];
       for (let i = a; i < b; i++)
         for (let k = 0; k < 3; k++) {
           const q = places[4 * i + k];

@@ -19,7 +19,7 @@ use std::io::{Seek, Write};
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use gltf_json as json;
 use json::accessor::{ComponentType, GenericComponentType, Type};
 use json::buffer::{Stride, Target as ViewTarget};
@@ -29,15 +29,16 @@ use json::validation::USize64;
 use json::{Accessor, Index, Root};
 use rayon::prelude::*;
 
+use super::glb_block::{METRES_PER_MM, PreparedBlock, bounds};
 use super::glb_grid::{Grid, QUANTIZATION, quantised_normal};
 use super::glb_material::root_of;
+pub use super::glb_options::{GlbOptions, Nodes, Precision};
 use super::patched_header::PatchedHeader;
 use super::texture::TextureSet;
 use super::{ClothInfo, Destination, Expected, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::ids::{YarnId, index32};
 
-const METRES_PER_MM: f32 = 1e-3;
 /// Bytes of the file's header and of those of its two chunks.
 const HEADERS: usize = BARE_HEADERS + 8;
 /// The same where there is no vertex, and so no second chunk.
@@ -50,36 +51,6 @@ const BLOCK_JSON: usize = 900;
 const YARN_JSON: usize = 1100;
 /// Room for the end of the JSON.
 const LAST_JSON: usize = 200;
-
-/// How a `.glb` holds its meshes. The default is 16 bits and a node a bar.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct GlbOptions {
-    /// How its numbers are stored.
-    pub precision: Precision,
-    /// What has a node of its own.
-    pub nodes: Nodes,
-}
-
-/// How the numbers of a mesh are stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// 16 bits a coordinate and 8 a normal's, by `KHR_mesh_quantization`. Where 16 bits would be too
-    /// coarse for the yarn, coordinates are floats.
-    #[default]
-    Quantised,
-    /// Floats of 32 bits, for readers without the extension.
-    F32,
-}
-
-/// What has a node of its own in a scene.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Nodes {
-    /// Each bar of each panel.
-    #[default]
-    Bar,
-    /// Each yarn, below the node of its bar.
-    Yarn,
-}
 
 /// Writes tubes as glTF.
 #[derive(Debug)]
@@ -103,24 +74,6 @@ pub struct GlbWriter<W> {
     prepared: Vec<PreparedBlock>,
 }
 
-/// Those of a block's arrays that differ from its tubes'.
-#[derive(Debug, Default)]
-struct PreparedBlock {
-    /// m.
-    positions: Vec<Vec3>,
-    /// Unit normals.
-    normals: Vec<Vec3>,
-    /// Counted in repeats of the bar's texture; empty where it has none.
-    uvs: Vec<Vec2>,
-    /// The number of each of the tubes' vertices among the positions.
-    numbers: Vec<u32>,
-    /// Counted from the first vertex of each part.
-    triangles: Vec<[u32; 3]>,
-    /// The same where they fit; then `triangles` is empty.
-    short_triangles: Vec<[u16; 3]>,
-    parts: Vec<PartRange>,
-}
-
 /// The node of a panel's bar.
 #[derive(Clone, Copy, Debug)]
 struct BarNode {
@@ -129,18 +82,6 @@ struct BarNode {
     node: Index<json::Node>,
     /// Its grid. `None` where coordinates are floats.
     grid: Option<Grid>,
-}
-
-/// The range of a mesh part in a block's arrays: that of a yarn, or the whole block.
-#[derive(Debug)]
-struct PartRange {
-    /// The first yarn of it.
-    yarn: YarnId,
-    vertices: Range<usize>,
-    triangles: Range<usize>,
-    /// Bounds, m.
-    low: Vec3,
-    high: Vec3,
 }
 
 /// Where an array lies in the file.
@@ -454,88 +395,6 @@ impl<W: Write + Seek> GlbWriter<W> {
     }
 }
 
-impl PreparedBlock {
-    /// Takes the arrays of a block.
-    fn fill(&mut self, block: &Block, textures: &TextureSet, options: GlbOptions) {
-        let tubes = &block.tubes;
-        self.uvs.clear();
-        let is_textured = textures.texture_of(block.bar).is_some();
-        if is_textured {
-            let repeats = Vec2::new(1.0, textures.repeats_per_mm(block.bar));
-            self.uvs.extend(tubes.uvs.iter().map(|uv| *uv * repeats));
-        }
-        // Without texture coordinates the vertices along a tube's seam are pairs of equals.
-        let joins = options.precision == Precision::Quantised && !is_textured;
-        let strands: Vec<_> = block.strands.strands.iter().zip(&tubes.strands).collect();
-        let is_one = |a: YarnId, b: YarnId| options.nodes == Nodes::Bar || a == b;
-        self.clear();
-        // A yarn's strands follow each other, and so do their vertices and triangles.
-        for strands in strands.chunk_by(|(a, _), (b, _)| is_one(a.yarn, b.yarn)) {
-            let ((strand, (first, first_triangles)), (_, (last, last_triangles))) =
-                (strands[0], strands[strands.len() - 1]);
-            let triangles = first_triangles.start as usize..last_triangles.end as usize;
-            let start = self.positions.len();
-            self.add_vertices(block, first.start..last.end, joins);
-            let vertices = start..self.positions.len();
-            let [low, high] = bounds(&self.positions[vertices.clone()]);
-            self.parts.push(PartRange { yarn: strand.yarn, vertices, triangles, low, high });
-        }
-        self.fill_triangles(&tubes.triangles);
-    }
-
-    /// Forgets everything but keeps the memory.
-    fn clear(&mut self) {
-        self.positions.clear();
-        self.normals.clear();
-        self.numbers.clear();
-        self.parts.clear();
-    }
-
-    /// Takes some vertices, and joins equal ones of a ring if that is wanted.
-    fn add_vertices(&mut self, block: &Block, vertices: Range<u32>, joins: bool) {
-        let tubes = &block.tubes;
-        // The first vertex of a ring whose seam is open: it is one where the last one comes.
-        let mut ring: Option<(Vec3, Vec3, u32)> = None;
-        for vertex in vertices.start as usize..vertices.end as usize {
-            let (position, normal) = (tubes.positions[vertex], tubes.normals[vertex]);
-            if joins
-                && let Some((first, first_normal, number)) = ring
-                && (first, first_normal) == (position, normal)
-            {
-                self.numbers.push(number);
-                ring = None;
-                continue;
-            }
-            let number = index32(self.positions.len());
-            ring = ring.or(Some((position, normal, number)));
-            self.numbers.push(number);
-            self.positions.push(position * METRES_PER_MM);
-            self.normals.push(normal);
-        }
-    }
-
-    /// Counts the corners of a block's triangles from the first vertex of each part.
-    fn fill_triangles(&mut self, triangles: &[[u32; 3]]) {
-        self.triangles.clear();
-        self.short_triangles.clear();
-        // The greatest number of 16 bits ends a strip in some readers, so it is no vertex.
-        let is_short = self.parts.iter().all(|part| part.vertices.len() <= usize::from(u16::MAX));
-        let numbers = &self.numbers;
-        for part in &self.parts {
-            let first = index32(part.vertices.start);
-            let own = triangles[part.triangles.clone()]
-                .iter()
-                .map(|corners| corners.map(|corner| numbers[corner as usize] - first));
-            if is_short {
-                #[expect(clippy::cast_possible_truncation, reason = "no yarn has more vertices")]
-                self.short_triangles.extend(own.map(|corners| corners.map(|corner| corner as u16)));
-            } else {
-                self.triangles.extend(own);
-            }
-        }
-    }
-}
-
 /// Bytes that the headers and the JSON take at the most.
 fn room_for(root: &Root, Expected { blocks, yarns }: Expected, nodes: Nodes) -> usize {
     let parts = match nodes {
@@ -544,16 +403,6 @@ fn room_for(root: &Root, Expected { blocks, yarns }: Expected, nodes: Nodes) -> 
     };
     let json = json_text(root).len() + LAST_JSON + BLOCK_JSON * blocks + YARN_JSON * parts;
     (HEADERS + json).next_multiple_of(4)
-}
-
-/// Lowest and highest corner of some positions.
-fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
-    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for position in positions {
-        low = low.min(*position);
-        high = high.max(*position);
-    }
-    [low, high]
 }
 
 /// A mesh without parts.

@@ -10,6 +10,7 @@ use super::axes::Axes;
 use super::facts::Facts;
 use super::glb::GlbOptions;
 use super::inp::InpDialect;
+use super::npz::NpzOptions;
 use super::texture::TextureSet;
 use super::usd_stage::UsdCurves;
 use warpknit_core::fabric::Fabric;
@@ -128,6 +129,8 @@ pub struct ClothInfo<'a> {
     pub axes: Axes,
     /// How a `.glb` holds its meshes.
     pub glb: GlbOptions,
+    /// How an `.npz` holds its arrays.
+    pub npz: NpzOptions,
     /// What a page says of the fabric in words and numbers. By default nothing.
     pub facts: Facts,
     /// The garment's panels: `.npz` and `.csv` take triangles and flat coordinates from them.
@@ -149,6 +152,7 @@ impl<'a> ClothInfo<'a> {
             inp: InpDialect::default(),
             axes: Axes::default(),
             glb: GlbOptions::default(),
+            npz: NpzOptions::default(),
             facts: Facts::default(),
             panels: &[],
         }

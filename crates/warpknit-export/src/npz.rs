@@ -1,5 +1,5 @@
-//! All of a cloth's arrays for Python (`numpy.load`): an uncompressed `.npz`, which is a ZIP
-//! archive with one `.npy` an array, little-endian (NumPy Enhancement Proposal 1, "A Simple File
+//! All of a cloth's arrays for Python (`numpy.load`): an `.npz`, which is a ZIP archive, compressed
+//! only if [`NpzOptions`] say so, with one `.npy` an array, little-endian (NumPy Enhancement Proposal 1, "A Simple File
 //! Format for NumPy Arrays", version 1.0 of the format).
 //!
 //! - A row a point, strand after strand, with the ends that the panel's edge cut: `flat`, `draped`,
@@ -8,6 +8,8 @@
 //!   (u2).
 //! - A row a strand: `length` (u4, its points), `yarn`, `panel`, `bar` (u4, from 0).
 //! - A row a bar: `radius` (f8, mm), `color` (u1, 3, sRGB).
+//!
+//! On request all floats are f4: to within 0.02 µm half a metre from the origin.
 //!
 //! Each array waits in a spool until the archive is put together at the end.
 
@@ -48,6 +50,26 @@ enum Array {
     Bar,
 }
 
+/// How an `.npz` holds its arrays. The default is floats of 64 bits, uncompressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NpzOptions {
+    /// Whether floats have 32 bits.
+    pub is_single: bool,
+    /// Whether arrays are compressed, by the deflate method.
+    pub is_compressed: bool,
+}
+
+impl NpzOptions {
+    /// numpy's name of the type of an array that has this one by default.
+    fn kind(self, kind: &'static str) -> &'static str {
+        if self.is_single && kind == "<f8" { "<f4" } else { kind }
+    }
+
+    fn method(self) -> CompressionMethod {
+        if self.is_compressed { CompressionMethod::Deflated } else { CompressionMethod::Stored }
+    }
+}
+
 /// Each array's name, numpy's name of its type, and numbers in a row.
 const ARRAYS: [(Array, &str, &str, usize); 13] = [
     (Array::Flat, "flat", "<f8", 3),
@@ -74,6 +96,7 @@ pub struct NpzWriter<'a, W> {
     spools: Vec<Spool>,
     /// Each bar's radius, mm, and colour.
     bars: Vec<(f64, [u8; 3])>,
+    options: NpzOptions,
     conveyor: Conveyor,
 }
 
@@ -85,19 +108,20 @@ impl<'a, W: Write + Seek + Send> NpzWriter<'a, W> {
     pub fn create(target: Destination<W>, cloth: &ClothInfo<'a>) -> Result<Self, ExportError> {
         let spools = ARRAYS.iter().map(|_| target.spool()).collect::<Result<_, _>>()?;
         let bars = cloth.strands.iter().map(|style| (style.radius, style.color.0)).collect();
-        Ok(Self { target, panels: cloth.panels, spools, bars, conveyor: Conveyor::default() })
+        let (panels, options) = (cloth.panels, cloth.npz);
+        Ok(Self { target, panels, spools, bars, options, conveyor: Conveyor::default() })
     }
 }
 
 impl<W: Write + Seek + Send> Sink<W> for NpzWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { target, panels, spools, conveyor, .. } = self;
+        let Self { target, panels, spools, options, conveyor, .. } = self;
         check_panels(blocks, panels, target)?;
         // Array by array, since each has a spool of its own to be written to in order.
         for ((array, ..), spool) in ARRAYS.iter().zip(spools) {
             conveyor.carry(
                 blocks,
-                |block, bytes| array.add(block, &panels[block.panel], bytes),
+                |block, bytes| array.add(block, &panels[block.panel], *options, bytes),
                 |bytes| target.write_with(|_| spool.write_all(bytes)),
             )?;
         }
@@ -105,8 +129,8 @@ impl<W: Write + Seek + Send> Sink<W> for NpzWriter<'_, W> {
     }
 
     fn finish(self: Box<Self>) -> Result<W, ExportError> {
-        let Self { mut target, mut spools, bars, .. } = *self;
-        target.write_with(|file| write_archive(file, &mut spools, &bars))?;
+        let Self { mut target, mut spools, bars, options, .. } = *self;
+        target.write_with(|file| write_archive(file, &mut spools, &bars, options))?;
         target.finish()
     }
 }
@@ -139,11 +163,12 @@ fn write_archive(
     file: &mut impl io::Write,
     spools: &mut [Spool],
     bars: &[(f64, [u8; 3])],
+    options: NpzOptions,
 ) -> io::Result<()> {
     let mut file = KeepsError { file, failed: Ok(()) };
     // As a stream: sizes and checksums follow each array, so the archive needs no seeking and a
     // pipe gets the same bytes as a file.
-    fill(ZipWriter::new_stream(&mut file), spools, bars)?;
+    fill(ZipWriter::new_stream(&mut file), spools, bars, options)?;
     file.failed
 }
 
@@ -152,18 +177,22 @@ fn fill(
     mut archive: ZipWriter<impl Write + Seek>,
     spools: &mut [Spool],
     bars: &[(f64, [u8; 3])],
+    options: NpzOptions,
 ) -> io::Result<()> {
     for ((_, name, kind, width), spool) in ARRAYS.iter().zip(spools) {
+        let kind = options.kind(kind);
         let rows = spool.length() / (*width * size(kind)) as u64;
-        begin_array(&mut archive, name, &header(kind, rows, *width), spool.length())?;
+        let header = header(kind, rows, *width);
+        begin_array(&mut archive, name, &header, spool.length(), options)?;
         spool.drain(&mut archive)?;
     }
     let rows = bars.len() as u64;
-    let radii: Vec<f64> = bars.iter().map(|(radius, _)| *radius).collect();
-    begin_array(&mut archive, "radius", &header("<f8", rows, 1), 8 * rows)?;
-    archive.write_all(bytemuck::cast_slice(&radii))?;
+    let mut radii = Buffer::default();
+    bars.iter().for_each(|(radius, _)| add_floats(&[*radius], options, &mut radii));
+    begin_array(&mut archive, "radius", &header(options.kind("<f8"), rows, 1), 8 * rows, options)?;
+    archive.write_all(radii.as_bytes())?;
     let colors: Vec<[u8; 3]> = bars.iter().map(|(_, color)| *color).collect();
-    begin_array(&mut archive, "color", &header("|u1", rows, 3), 3 * rows)?;
+    begin_array(&mut archive, "color", &header("|u1", rows, 3), 3 * rows, options)?;
     archive.write_all(bytemuck::cast_slice(&colors))?;
     archive.finish()?;
     Ok(())
@@ -175,32 +204,33 @@ fn begin_array(
     name: &str,
     header: &[u8],
     bytes: u64,
+    options: NpzOptions,
 ) -> io::Result<()> {
     // From 4 GiB on sizes take ZIP64's 8 bytes. The header has far fewer than 4096 bytes.
     let large = bytes + 4096 > u64::from(u32::MAX);
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Stored)
-        .large_file(large);
+    let options =
+        SimpleFileOptions::default().compression_method(options.method()).large_file(large);
     archive.start_file(format!("{name}.npy"), options)?;
     archive.write_all(header)
 }
 
 impl Array {
     /// Appends a block's rows.
-    fn add(self, block: &Block, panel: &Panel, bytes: &mut Buffer) {
+    fn add(self, block: &Block, panel: &Panel, options: NpzOptions, bytes: &mut Buffer) {
         let strands = &block.strands;
         match self {
             Self::Flat => {
                 for flat in &strands.flat {
-                    add_vector(panel.flat_from_panel.transform_point3(*flat), bytes);
+                    add_vector(panel.flat_from_panel.transform_point3(*flat), options, bytes);
                 }
             }
             Self::Draped => {
                 let points = block.draped.positions.iter();
-                points.for_each(|point| add_vector(*point + block.origin, bytes));
+                points.for_each(|point| add_vector(*point + block.origin, options, bytes));
             }
             Self::Normal => {
-                block.draped.normals.iter().for_each(|normal| add_vector(*normal, bytes));
+                let normals = block.draped.normals.iter();
+                normals.for_each(|normal| add_vector(*normal, options, bytes));
             }
             Self::Triangle => {
                 for point in &strands.located {
@@ -209,7 +239,7 @@ impl Array {
             }
             Self::Weights => {
                 for point in &strands.located {
-                    add(bytemuck::bytes_of(&point.weights()), bytes);
+                    add_floats(&point.weights(), options, bytes);
                 }
             }
             Self::Course | Self::Wale | Self::Kind | Self::Point => self.add_tags(block, bytes),
@@ -251,8 +281,19 @@ fn add(row: &[u8], bytes: &mut Buffer) {
 }
 
 #[inline]
-fn add_vector(vector: DVec3, bytes: &mut Buffer) {
-    add(bytemuck::bytes_of(&vector.to_array()), bytes);
+fn add_vector(vector: DVec3, options: NpzOptions, bytes: &mut Buffer) {
+    add_floats(&vector.to_array(), options, bytes);
+}
+
+/// Appends floats of 64 or 32 bits.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "the user chose 32 bits")]
+fn add_floats<const N: usize>(floats: &[f64; N], options: NpzOptions, bytes: &mut Buffer) {
+    if options.is_single {
+        floats.iter().for_each(|float| add(&(*float as f32).to_le_bytes(), bytes));
+    } else {
+        floats.iter().for_each(|float| add(&float.to_le_bytes(), bytes));
+    }
 }
 
 /// A kind of point as a number.

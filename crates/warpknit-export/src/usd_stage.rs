@@ -27,6 +27,32 @@ pub enum UsdCurves {
     Linear,
 }
 
+/// An array beside the points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Array {
+    Counts,
+    Yarns,
+    Courses,
+    Wales,
+    Lengths,
+    Rest,
+}
+
+impl Array {
+    /// Its type, its name, and its interpolation: a value a curve is `uniform`, one a data point
+    /// `varying`.
+    pub(super) fn declaration(self) -> (&'static str, &'static str, Option<&'static str>) {
+        match self {
+            Self::Counts => ("int[]", "curveVertexCounts", None),
+            Self::Yarns => ("int[]", "primvars:yarn", Some("uniform")),
+            Self::Courses => ("int[]", "primvars:course", Some("varying")),
+            Self::Wales => ("int[]", "primvars:wale", Some("varying")),
+            Self::Lengths => ("texCoord2f[]", "primvars:st", Some("varying")),
+            Self::Rest => ("point3f[]", "physics:restShapePoints", None),
+        }
+    }
+}
+
 /// The bounding box of no points.
 pub(super) const EMPTY: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
 /// The course and the wale of a point that has none.

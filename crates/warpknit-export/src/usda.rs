@@ -19,7 +19,7 @@ use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
 use super::spool::Spool;
 use super::usd_stage::{
-    EMPTY, MATERIAL_SCHEMAS, UsdCurves, blocks_by_prim, bounds, course_and_wale, each_point,
+    Array, EMPTY, MATERIAL_SCHEMAS, UsdCurves, blocks_by_prim, bounds, course_and_wale, each_point,
     is_at_rest, physics, rest_points, union, widened, width,
 };
 use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle};
@@ -53,20 +53,9 @@ struct CurrentPrim {
 #[derive(Debug)]
 pub(super) struct Attributes {
     curves: UsdCurves,
-    arrays: Vec<(Attribute, Spool)>,
+    arrays: Vec<(Array, Spool)>,
     /// Whether the yarns lie as in the flat cloth so far: then their rest shape is left out.
     are_at_rest: bool,
-}
-
-/// An array beside the points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Attribute {
-    Counts,
-    Yarns,
-    Courses,
-    Wales,
-    Lengths,
-    Rest,
 }
 
 impl<W: Write + Seek + Send> UsdaWriter<W> {
@@ -138,11 +127,11 @@ impl Attributes {
         curves: UsdCurves,
     ) -> Result<Self, ExportError> {
         let last = match curves {
-            UsdCurves::Bezier => Attribute::Lengths,
-            UsdCurves::Linear => Attribute::Rest,
+            UsdCurves::Bezier => Array::Lengths,
+            UsdCurves::Linear => Array::Rest,
         };
-        let all = [Attribute::Counts, Attribute::Yarns, Attribute::Courses, Attribute::Wales, last];
-        let arrays = all.map(|attribute| Ok((attribute, target.spool()?)));
+        let all = [Array::Counts, Array::Yarns, Array::Courses, Array::Wales, last];
+        let arrays = all.map(|array| Ok((array, target.spool()?)));
         let arrays = arrays.into_iter().collect::<Result<_, ExportError>>()?;
         Ok(Self { curves, arrays, are_at_rest: true })
     }
@@ -156,10 +145,10 @@ impl Attributes {
     ) -> Result<(), ExportError> {
         let curves = self.curves;
         self.are_at_rest &= curves == UsdCurves::Linear && blocks.par_iter().all(is_at_rest);
-        for (attribute, spool) in &mut self.arrays {
+        for (array, spool) in &mut self.arrays {
             conveyor.carry(
                 blocks,
-                |block, text| attribute.add(block, curves, text),
+                |block, text| add(*array, block, curves, text),
                 |text| target.write_with(|_| spool.write_all(text)),
             )?;
         }
@@ -169,13 +158,13 @@ impl Attributes {
     /// Writes the prim's arrays and empties them.
     pub(super) fn drain(&mut self, file: &mut impl io::Write) -> io::Result<()> {
         let are_at_rest = std::mem::replace(&mut self.are_at_rest, true);
-        for (attribute, spool) in &mut self.arrays {
-            if are_at_rest && *attribute == Attribute::Rest {
+        for (array, spool) in &mut self.arrays {
+            if are_at_rest && *array == Array::Rest {
                 spool.drain(&mut io::sink())?;
                 continue;
             }
-            let (declared, interpolation) = attribute.declaration();
-            write!(file, "        {declared} = [")?;
+            let (type_name, name, interpolation) = array.declaration();
+            write!(file, "        {type_name} {name} = [")?;
             spool.drain(file)?;
             let metadata = interpolation
                 .map_or(String::new(), |name| format!(" (interpolation = \"{name}\")"));
@@ -185,45 +174,30 @@ impl Attributes {
     }
 }
 
-impl Attribute {
-    /// Its type and name, and its interpolation: a value a curve is `uniform`, one a data point
-    /// `varying`.
-    fn declaration(self) -> (&'static str, Option<&'static str>) {
-        match self {
-            Self::Counts => ("int[] curveVertexCounts", None),
-            Self::Yarns => ("int[] primvars:yarn", Some("uniform")),
-            Self::Courses => ("int[] primvars:course", Some("varying")),
-            Self::Wales => ("int[] primvars:wale", Some("varying")),
-            Self::Lengths => ("texCoord2f[] primvars:st", Some("varying")),
-            Self::Rest => ("point3f[] physics:restShapePoints", None),
-        }
-    }
-
-    /// Appends a block's values.
-    fn add(self, block: &Block, curves: UsdCurves, text: &mut Buffer) {
-        for strand in &block.strands.strands {
-            let points = strand.points.clone();
-            match self {
-                Self::Counts => {
-                    let count = curves.count(points.end - points.start);
-                    add_value(text, format_args!("{count}"));
+/// Appends a block's values of an array.
+fn add(array: Array, block: &Block, curves: UsdCurves, text: &mut Buffer) {
+    for strand in &block.strands.strands {
+        let points = strand.points.clone();
+        match array {
+            Array::Counts => {
+                let count = curves.count(points.end - points.start);
+                add_value(text, format_args!("{count}"));
+            }
+            Array::Yarns => add_value(text, format_args!("{}", strand.yarn.0)),
+            Array::Courses => {
+                for at in points {
+                    add_value(text, format_args!("{}", course_and_wale(block, strand, at)[0]));
                 }
-                Self::Yarns => add_value(text, format_args!("{}", strand.yarn.0)),
-                Self::Courses => {
-                    for at in points {
-                        add_value(text, format_args!("{}", course_and_wale(block, strand, at)[0]));
-                    }
+            }
+            Array::Wales => {
+                for at in points {
+                    add_value(text, format_args!("{}", course_and_wale(block, strand, at)[1]));
                 }
-                Self::Wales => {
-                    for at in points {
-                        add_value(text, format_args!("{}", course_and_wale(block, strand, at)[1]));
-                    }
-                }
-                Self::Lengths => add_lengths(&block.draped.positions[strand.range()], text),
-                Self::Rest => {
-                    for point in rest_points(block, strand) {
-                        add_point(point, curves, text);
-                    }
+            }
+            Array::Lengths => add_lengths(&block.draped.positions[strand.range()], text),
+            Array::Rest => {
+                for point in rest_points(block, strand) {
+                    add_point(point, curves, text);
                 }
             }
         }

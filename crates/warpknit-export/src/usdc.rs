@@ -13,12 +13,13 @@ use std::io::{self, Seek, Write};
 use glam::Vec3;
 
 use super::buffer::{Buffer, Conveyor};
-use super::crate_file::{CrateFile, Kind, Spec, Value, Word};
+use super::crate_file::CrateFile;
 use super::crate_ints::WaitingNumbers;
+use super::crate_spec::{Kind, Spec, Value, Word};
 use super::spool::Spool;
 use super::usd_stage::{
-    EMPTY, MATERIAL_SCHEMAS, UsdCurves, blocks_by_prim, course_and_wale, each_span, is_at_rest,
-    physics, rest_points, union, widened, width,
+    Array, EMPTY, MATERIAL_SCHEMAS, UsdCurves, blocks_by_prim, course_and_wale, each_span,
+    is_at_rest, physics, rest_points, union, widened, width,
 };
 use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle};
 use warpknit_core::drape::Block;
@@ -64,17 +65,6 @@ struct Current {
     /// Lowest and highest point so far, in the stage's units.
     extent: [Vec3; 2],
     is_at_rest: bool,
-}
-
-/// An array beside the points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Array {
-    Counts,
-    Yarns,
-    Courses,
-    Wales,
-    Lengths,
-    Rest,
 }
 
 /// The arrays of a prim that wait for its points to end.
@@ -268,7 +258,7 @@ impl<W: Write + Seek + Send> UsdcWriter<W> {
             };
             children.push(Spec::attribute(name, type_name, Some(value)));
         }
-        children.extend(prim.arrays.iter().map(|(array, word)| array.attribute(*word)));
+        children.extend(prim.arrays.iter().map(|(array, word)| attribute(*array, *word)));
         let name = format!("panel_{}_bar_{number}", prim.panel);
         Ok(Spec::prim(name, "BasisCurves", self.curves.schemas(), children))
     }
@@ -363,22 +353,13 @@ fn vector(curves: UsdCurves) -> (Array, Kind, usize) {
     }
 }
 
-impl Array {
-    /// Its attribute: a value a curve is `uniform`, one a data point `varying`.
-    fn attribute(self, at: Word) -> Spec {
-        let (name, type_name, interpolation) = match self {
-            Self::Counts => ("curveVertexCounts", "int[]", None),
-            Self::Yarns => ("primvars:yarn", "int[]", Some("uniform")),
-            Self::Courses => ("primvars:course", "int[]", Some("varying")),
-            Self::Wales => ("primvars:wale", "int[]", Some("varying")),
-            Self::Lengths => ("primvars:st", "texCoord2f[]", Some("varying")),
-            Self::Rest => ("physics:restShapePoints", "point3f[]", None),
-        };
-        let attribute = Spec::attribute(name, type_name, Some(Value::Array(at)));
-        match interpolation {
-            Some(interpolation) => attribute.interpolated(interpolation),
-            None => attribute,
-        }
+/// The attribute of an array.
+fn attribute(array: Array, at: Word) -> Spec {
+    let (type_name, name, interpolation) = array.declaration();
+    let attribute = Spec::attribute(name, type_name, Some(Value::Array(at)));
+    match interpolation {
+        Some(interpolation) => attribute.interpolated(interpolation),
+        None => attribute,
     }
 }
 

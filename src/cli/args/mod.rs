@@ -26,9 +26,10 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, FactsFormat, FileUnitArg, InpArg, MappingArg, NodesArg, PrecisionArg, RendererArg,
-    RunIn, ShapeArg, SwitchArg, UpArg, UsdCurvesArg, ViewArg, diagram, enlarge, field_of_view,
-    finite, flattening, loupe, output, positive, run_in, samples, size, stretch, vector,
+    EdgeArg, FactsFormat, FileUnitArg, FloatArg, InpArg, MappingArg, NodesArg, PrecisionArg,
+    RendererArg, RunIn, ShapeArg, SwitchArg, UpArg, UsdCurvesArg, ViewArg, diagram, enlarge,
+    field_of_view, finite, flattening, loupe, output, positive, run_in, samples, size, stretch,
+    vector,
 };
 
 /// The fabric, unless one is named.
@@ -210,11 +211,11 @@ Examples:
 pub(crate) struct Drape {
     /// The flat pattern; or one file whose positions are draped and whose vt is the flat pattern;
     /// or a folder of frames whose first file is such a file
-    #[arg(value_name = "FLAT.obj|GARMENT.obj")]
+    #[arg(value_name = "FLAT|GARMENT")]
     pub(crate) flat: PathBuf,
     /// The same faces, draped; or the frames of a drape sequence: files, folders of them, or
     /// patterns such as 'frames/*.obj'
-    #[arg(value_name = "DRAPED.obj")]
+    #[arg(value_name = "DRAPED")]
     pub(crate) draped: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: Reading,
@@ -258,10 +259,10 @@ pub(crate) struct Swatch {
 pub(crate) struct Live {
     /// The flat pattern, or one file whose positions are draped and whose vt is the flat pattern
     /// [default: a swatch]
-    #[arg(value_name = "FLAT.obj|GARMENT.obj")]
+    #[arg(value_name = "FLAT|GARMENT")]
     pub(crate) flat: Option<PathBuf>,
     /// The same faces, draped
-    #[arg(value_name = "DRAPED.obj")]
+    #[arg(value_name = "DRAPED")]
     pub(crate) draped: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: Reading,
@@ -283,7 +284,7 @@ pub(crate) struct Live {
 #[derive(Args, Debug)]
 pub(crate) struct Inspect {
     /// One garment with vt, or the flat mesh and one or more drapes of it
-    #[arg(value_name = "OBJ", required_unless_present_any = ["fabric", "lapping", "count", "run_in"])]
+    #[arg(value_name = "GARMENT", required_unless_present_any = ["fabric", "lapping", "count", "run_in"])]
     pub(crate) meshes: Vec<PathBuf>,
     /// A built-in fabric or a fabric file: its chain as a table, threads on the needles, warnings
     #[arg(long, value_name = "NAME|FILE.toml")]
@@ -337,7 +338,7 @@ pub(crate) struct Man {
 pub(crate) struct Bench {
     /// Your own garment in place of ours, for plane-curved, mapping, yarn-length, total and growth:
     /// the flat pattern and the same faces draped, or one file with vt
-    #[arg(value_name = "OBJ", num_args = 0..=2)]
+    #[arg(value_name = "GARMENT", num_args = 0..=2)]
     pub(crate) meshes: Vec<PathBuf>,
     /// What to measure; may be repeated [default: plane-curved, total, st-sr, textures]
     #[arg(long, value_enum, value_name = "NAME")]
@@ -529,6 +530,12 @@ pub(crate) struct Shared {
     /// What has a node of its own in a .glb
     #[arg(long, value_enum, default_value = "bar")]
     pub(crate) nodes: NodesArg,
+    /// Floats of an .npz
+    #[arg(long, value_enum, default_value = "f64")]
+    pub(crate) npz_precision: FloatArg,
+    /// Compress an .npz
+    #[arg(long)]
+    pub(crate) npz_compress: bool,
     /// Size of the picture
     #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
     pub(crate) size: (u32, u32),

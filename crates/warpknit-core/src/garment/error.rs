@@ -20,7 +20,7 @@ pub enum GarmentError {
         reason: std::io::Error,
     },
     /// A folder was given where a file is needed.
-    #[error("{}: is a directory: give an OBJ file", .path.display())]
+    #[error("{}: is a directory: give a file", .path.display())]
     Directory {
         /// The folder.
         path: PathBuf,
@@ -39,7 +39,7 @@ pub enum GarmentError {
         reason: std::io::Error,
     },
     /// The file is of a kind that isn't read.
-    #[error("{}: this is {kind}; export OBJ or PLY", .path.display())]
+    #[error("{}: this is {kind}; export OBJ, GLB, USD or PLY", .path.display())]
     Kind {
         /// The file.
         path: PathBuf,

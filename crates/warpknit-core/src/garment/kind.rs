@@ -9,6 +9,12 @@ pub(super) enum Kind {
     Obj,
     /// Binary glTF.
     Glb,
+    /// JSON, which glTF may be.
+    Json,
+    /// USD as text.
+    UsdText,
+    /// USD as a crate file.
+    UsdCrate,
     /// Polygon file format.
     Ply,
     /// A kind that isn't read, by its name.
@@ -18,11 +24,9 @@ pub(super) enum Kind {
 impl Kind {
     /// The kind of a file that begins with these bytes.
     pub(super) fn of(first: &[u8]) -> Self {
-        const OTHERS: [(&[u8], &str); 12] = [
+        const OTHERS: [(&[u8], &str); 10] = [
             (b"Kaydara FBX Binary", "FBX"),
             (b"; FBX", "FBX"),
-            (b"PXR-USDC", "a USD crate"),
-            (b"#usda", "USD text"),
             (b"BLENDER", "a Blender file"),
             (b"Ogawa", "Alembic"),
             (b"\x89HDF", "Alembic or another HDF5 file"),
@@ -33,7 +37,11 @@ impl Kind {
             (b"<?xml", "XML, such as COLLADA"),
         ];
         match first {
+            [b'#', b'u', b's', b'd', b'a', ..] => Self::UsdText,
+            [b'P', b'X', b'R', b'-', b'U', b'S', b'D', b'C', ..] => Self::UsdCrate,
             [b'g', b'l', b'T', b'F', ..] => Self::Glb,
+            // No record of OBJ begins so.
+            [b'{', ..] | [0xEF, 0xBB, 0xBF, b'{', ..] => Self::Json,
             [b'p', b'l', b'y', b'\r' | b'\n', ..] => Self::Ply,
             _ => {
                 let other = OTHERS.iter().find(|(magic, _)| first.starts_with(magic));
@@ -52,6 +60,9 @@ mod tests {
         assert_eq!(Kind::of(b"glTF\x02\0\0\0"), Kind::Glb);
         assert_eq!(Kind::of(b"ply\nformat ascii 1.0\n"), Kind::Ply);
         assert_eq!(Kind::of(b"Kaydara FBX Binary  \0"), Kind::Other("FBX"));
+        assert_eq!(Kind::of(b"{\"asset\":{}}"), Kind::Json);
+        assert_eq!(Kind::of(b"#usda 1.0\n"), Kind::UsdText);
+        assert_eq!(Kind::of(b"PXR-USDC\0\x08"), Kind::UsdCrate);
         for obj in [&b"# made by\nv 0 0 0"[..], b"", b"plyv", b"v 1 2 3"] {
             assert_eq!(Kind::of(obj), Kind::Obj);
         }

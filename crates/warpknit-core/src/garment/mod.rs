@@ -1,7 +1,7 @@
 //! The garment: panels whose flat triangles know their draped positions.
 //!
-//! In: one OBJ or PLY with `vt`, or a flat and a draped one ([`read`]). Out: a [`Garment`] in millimetres,
-//! each [`Panel`] in axes of its own.
+//! In: one OBJ, glTF, USD or PLY with `vt`, or a flat and a draped one ([`read`]). Out: a
+//! [`Garment`] in millimetres, each [`Panel`] in axes of its own.
 //!
 //! The steps: `obj` parses the text into a mesh, `pair` pairs flat and draped triangles, `winding`
 //! turns round the faces that are wound against their neighbours, `pieces` finds the connected
@@ -21,8 +21,11 @@ use rayon::prelude::*;
 
 use crate::ids::FaceId;
 
+mod cursor;
 mod error;
 mod frames;
+mod gltf;
+mod json;
 mod kind;
 mod memory;
 mod normals;
@@ -38,6 +41,7 @@ mod soup;
 pub mod stretch;
 mod summary;
 mod unit;
+mod usd;
 mod vertices;
 mod winding;
 
@@ -291,7 +295,8 @@ impl<'a> GarmentFiles<'a> {
         let mut summary = GarmentSummary::of_pairs(&mut self.cloth);
         let pieces = std::mem::take(&mut self.cloth.pieces);
         let Cloth { pairs, vertices, areas, .. } = &self.cloth;
-        let unit = choose_unit(pairs, options, &mut summary);
+        let said = self.draped.as_ref().unwrap_or(&self.flat).unit;
+        let unit = choose_unit(pairs, options, said, &mut summary);
         let unit_mm = unit.millimetres();
         let mut loss =
             Loss { untextured: pairs.untextured_area * unit_mm * unit_mm, ..Loss::default() };
@@ -356,14 +361,23 @@ fn check(options: &ReadOptions) -> Result<(), GarmentError> {
     }
 }
 
-/// The unit of the draped mesh: the given one, or a guess from the size of the paired triangles.
-fn choose_unit(pairs: &Pairs, options: &ReadOptions, summary: &mut GarmentSummary) -> Unit {
+/// The unit of the draped mesh: the given one, the one that its file says if garments have that
+/// size, or a guess from the size of the paired triangles.
+fn choose_unit(
+    pairs: &Pairs,
+    options: &ReadOptions,
+    said: Option<Unit>,
+    summary: &mut GarmentSummary,
+) -> Unit {
     // The largest dimension: a flat swatch has no thickness, and a scarf is narrow.
     let extent = pairs.draped_extent().max_element();
-    let (guess, fits) = unit::guess(extent);
+    let (guess, fits) = match said.filter(|unit| unit::fits(extent, *unit)) {
+        Some(unit) => (unit, true),
+        None => unit::guess(extent),
+    };
     let unit = options.unit.unwrap_or(guess);
     summary.unit = unit.name();
-    summary.unit_guessed = options.unit.is_none();
+    summary.unit_guessed = options.unit.is_none() && said != Some(unit);
     if summary.unit_guessed && !fits {
         let (least, most) = unit::GARMENT_SIZE;
         summary.warnings.push(format!(

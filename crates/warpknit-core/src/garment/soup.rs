@@ -1,6 +1,6 @@
 //! Polygons whose corners have places and texture coordinates of their own, as an [`ObjMesh`].
 //!
-//! In: the corners of each face, as `.glb` and `.ply` have them: a vertex that lies on a seam of
+//! In: the corners of each face, as `.glb`, USD and `.ply` have them: a vertex that lies on a seam of
 //! the pattern is there once for each side. Out: the mesh as an OBJ would have it. Vertices at the
 //! same place, to the bit, are one. Texture coordinates are one where they and their places are
 //! equal, so panels that lie over each other in the pattern stay apart.
@@ -23,9 +23,15 @@ pub(super) struct Soup {
     triangles: Vec<[u32; 3]>,
     texture_triangles: Vec<[u32; 3]>,
     untextured: usize,
+    names: Vec<String>,
 }
 
 impl Soup {
+    /// Begins an object, to which the faces belong from here on.
+    pub(super) fn begin(&mut self, name: &str) {
+        self.names.push(name.to_owned());
+    }
+
     /// Adds a face of three corners or more: places, and texture coordinates where it has them.
     /// False for a number that is not finite.
     pub(super) fn add(&mut self, places: &[DVec3], texture: Option<&[DVec2]>) -> bool {
@@ -45,7 +51,8 @@ impl Soup {
         self.faces.push(Face {
             line: self.faces.len() as u64 + 1,
             corners: narrow(corners.len()),
-            label: 0,
+            // The first label is that of faces without an object.
+            label: narrow(self.names.len()),
         });
         for corner in 1..corners.len() - 1 {
             let fan = [0, corner, corner + 1];
@@ -89,6 +96,8 @@ impl Soup {
             return None;
         }
         let is_textured = self.untextured < self.triangles.len();
+        let own = |object| Label { object: Some(narrow(object)), group: None };
+        let labels = std::iter::once(Label::default()).chain((0..self.names.len()).map(own));
         Some(ObjMesh {
             positions: Arc::new(self.positions),
             texture: Arc::new(self.texture),
@@ -100,7 +109,8 @@ impl Soup {
                 Vec::new()
             }),
             untextured: self.untextured,
-            labels: vec![Label::default()],
+            labels: labels.collect(),
+            names: self.names,
             ..ObjMesh::default()
         })
     }

@@ -99,6 +99,11 @@ pub(super) fn guess(extent: f64) -> (Unit, bool) {
     (best, misfit(extent, best) == 1.0)
 }
 
+/// Whether garments of this extent in that unit are in the range of garment sizes.
+pub(super) fn fits(extent: f64, unit: Unit) -> bool {
+    misfit(extent, unit) == 1.0
+}
+
 /// The factor by which a garment of this extent misses the range of garment sizes in a unit: 1
 /// within the range.
 fn misfit(extent: f64, unit: Unit) -> f64 {

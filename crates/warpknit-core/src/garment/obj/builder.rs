@@ -146,6 +146,7 @@ impl Builder {
             untextured: self.untextured,
             labels: self.names.labels,
             names: self.names.names,
+            unit: None,
         })
     }
 

@@ -30,7 +30,7 @@ use glam::DVec3;
 
 use super::error::{GarmentError, GarmentFault};
 use super::kind::Kind;
-use super::ply;
+use super::{Unit, gltf, ply, usd};
 use builder::Builder;
 use records::{Records, Stop};
 
@@ -67,6 +67,8 @@ pub(super) struct ObjMesh {
     pub(super) labels: Vec<Label>,
     /// Object and group names; labels refer to them.
     pub(super) names: Vec<String>,
+    /// The unit of positions, where the file says one.
+    pub(super) unit: Option<Unit>,
 }
 
 /// The object and the group of a face, as indices into [`ObjMesh::names`].
@@ -137,13 +139,16 @@ pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
     let kind = Kind::of(input.fill_buf().unwrap_or_default());
     let parse_whole = match kind {
         Kind::Obj => return parse(input, path),
-        Kind::Ply => ply::parse,
-        Kind::Glb => return Err(GarmentError::Kind { path: path.to_path_buf(), kind: "glTF" }),
+        Kind::Ply => |bytes: &[u8], _path: &Path| ply::parse(bytes),
+        Kind::UsdText => |bytes: &[u8], _path: &Path| usd::parse_text(bytes),
+        Kind::UsdCrate => |bytes: &[u8], _path: &Path| usd::parse_crate(bytes),
+        Kind::Glb => gltf::parse_binary,
+        Kind::Json => gltf::parse_text,
         Kind::Other(kind) => return Err(GarmentError::Kind { path: path.to_path_buf(), kind }),
     };
     let mut bytes = Vec::new();
     input.read_to_end(&mut bytes).map_err(|reason| refused(path, reason))?;
-    parse_whole(&bytes).map_err(wrong)
+    parse_whole(&bytes, path).map_err(wrong)
 }
 
 /// The error for a file that the system refused to open.

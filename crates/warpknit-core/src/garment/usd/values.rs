@@ -1,0 +1,337 @@
+//! Values of a USD crate file (OpenUSD 24.08, `pxr/usd/usd/crateFile.cpp`, `crateValueInliners.h`).
+//!
+//! In: a value's word, which holds it or says where in the file it lies. Out: its numbers or texts,
+//! or `None` for what is damaged or of no use to a mesh. Memory: an array's numbers, of which the
+//! file must hold the bytes.
+
+use super::super::cursor::Cursor;
+use super::Value;
+use super::packed::{long_numbers, numbers};
+
+/// Marks of a word: an array, a value in the word itself, coded numbers.
+const ARRAY: u64 = 1 << 63;
+const INLINED: u64 = 1 << 62;
+const CODED: u64 = 1 << 61;
+const PAYLOAD: u64 = (1 << 48) - 1;
+/// Arrays shorter than this are plain, whatever their mark says.
+const FEWEST_CODED: u64 = 16;
+
+/// The file and its names.
+#[derive(Debug)]
+pub(super) struct Values<'a> {
+    pub(super) bytes: &'a [u8],
+    /// The middle number of the format's version.
+    pub(super) minor: u8,
+    pub(super) tokens: Vec<&'a str>,
+    /// Tokens that are strings.
+    pub(super) strings: Vec<u32>,
+}
+
+/// A kind of number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Number {
+    U8,
+    I8,
+    I32,
+    U32,
+    I64,
+    U64,
+    F16,
+    F32,
+    F64,
+}
+
+/// What a type of values is made of.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// So many numbers.
+    Numbers(Number, usize),
+    /// A square matrix of doubles.
+    Matrix(usize),
+    /// A rotation, its real part last in the file and first here.
+    Turn(Number),
+    Token,
+    String,
+    /// Tokens with their count.
+    Tokens,
+    Samples,
+    Specifier,
+}
+
+impl Kind {
+    /// By its number in the file.
+    fn of(number: u64) -> Option<Self> {
+        use Number::{F16, F32, F64, I32, I64, U8, U32, U64};
+        Some(match number {
+            1 | 2 => Self::Numbers(U8, 1),
+            3 => Self::Numbers(I32, 1),
+            4 => Self::Numbers(U32, 1),
+            5 => Self::Numbers(I64, 1),
+            6 => Self::Numbers(U64, 1),
+            7 => Self::Numbers(F16, 1),
+            8 => Self::Numbers(F32, 1),
+            9 => Self::Numbers(F64, 1),
+            10 => Self::String,
+            11 => Self::Token,
+            13..=15 => Self::Matrix([2, 3, 4][usize::try_from(number - 13).ok()?]),
+            16 => Self::Turn(F64),
+            17 => Self::Turn(F32),
+            18 => Self::Turn(F16),
+            19..=30 => {
+                let place = usize::try_from(number - 19).ok()?;
+                Self::Numbers([F64, F32, F16, I32][place % 4], 2 + place / 4)
+            }
+            41 => Self::Tokens,
+            42 => Self::Specifier,
+            46 => Self::Samples,
+            _ => return None,
+        })
+    }
+}
+
+impl Number {
+    fn read(self, bytes: &mut Cursor<'_>) -> Option<f64> {
+        Some(match self {
+            Self::U8 => bytes.take::<1>()?[0].into(),
+            Self::I8 => i8::from_le_bytes(bytes.take()?).into(),
+            Self::I32 => i32::from_le_bytes(bytes.take()?).into(),
+            Self::U32 => bytes.u32()?.into(),
+            Self::I64 => long(bytes.i64()?),
+            Self::U64 => long(bytes.u64()?.cast_signed()),
+            Self::F16 => half(u16::from_le_bytes(bytes.take()?)),
+            Self::F32 => f32::from_le_bytes(bytes.take()?).into(),
+            Self::F64 => f64::from_le_bytes(bytes.take()?),
+        })
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::F16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+}
+
+/// A long number, to within what a float holds: indices of points are far smaller.
+#[expect(clippy::cast_precision_loss, reason = "no index reaches 2^53")]
+fn long(number: i64) -> f64 {
+    number as f64
+}
+
+/// A float of 16 bits (IEEE 754).
+fn half(bits: u16) -> f64 {
+    let sign = if bits >> 15 == 0 { 1.0 } else { -1.0 };
+    let (exponent, fraction) = (bits >> 10 & 31, f64::from(bits & 1023));
+    sign * match exponent {
+        0 => fraction * 2_f64.powi(-24),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => (1024.0 + fraction) * 2_f64.powi(i32::from(exponent) - 25),
+    }
+}
+
+impl Values<'_> {
+    /// The value of a word.
+    pub(super) fn value(&self, word: u64) -> Option<Value> {
+        if word & ARRAY != 0 {
+            return self.array(word);
+        }
+        if word & INLINED != 0 {
+            return self.inlined(word);
+        }
+        let mut at = Cursor::at(self.bytes, word & PAYLOAD)?;
+        let mut value = Value::default();
+        match Kind::of(word >> 48 & 0xFF)? {
+            Kind::Numbers(number, width) => {
+                value.numbers = (0..width).map(|_| number.read(&mut at)).collect::<Option<_>>()?;
+            }
+            Kind::Matrix(width) => {
+                value.numbers =
+                    (0..width * width).map(|_| Number::F64.read(&mut at)).collect::<Option<_>>()?;
+            }
+            Kind::Turn(number) => {
+                value.numbers = (0..4).map(|_| number.read(&mut at)).collect::<Option<_>>()?;
+                value.numbers.rotate_right(1);
+            }
+            Kind::Tokens => {
+                let count = at.u64()?;
+                value.texts = self.texts(&mut at, count)?;
+            }
+            Kind::Samples => return self.first_sample(word & PAYLOAD),
+            Kind::Token | Kind::String | Kind::Specifier => return None,
+        }
+        Some(value)
+    }
+
+    /// The value that a word holds itself.
+    fn inlined(&self, word: u64) -> Option<Value> {
+        let [a, b, c, d, ..] = word.to_le_bytes();
+        let payload = u32::from_le_bytes([a, b, c, d]);
+        let own = [a, b, c, d];
+        let mut own = Cursor::new(&own);
+        let mut value = Value::default();
+        match Kind::of(word >> 48 & 0xFF)? {
+            Kind::Token => value.texts.push(self.token(payload)?),
+            Kind::String => {
+                let token = *self.strings.get(usize::try_from(payload).ok()?)?;
+                value.texts.push(self.token(token)?);
+            }
+            Kind::Numbers(number, 1) => {
+                // Those of 64 bits are in the word where 32 bits hold them.
+                let short = match number {
+                    Number::I64 => Number::I32,
+                    Number::U64 => Number::U32,
+                    Number::F64 => Number::F32,
+                    own => own,
+                };
+                value.numbers.push(short.read(&mut own)?);
+            }
+            Kind::Numbers(_, width) => {
+                value.numbers =
+                    (0..width).map(|_| Number::I8.read(&mut own)).collect::<Option<_>>()?;
+            }
+            // Its diagonal.
+            Kind::Matrix(width) => {
+                value.numbers = vec![0.0; width * width];
+                for row in 0..width {
+                    value.numbers[row * (width + 1)] = Number::I8.read(&mut own)?;
+                }
+            }
+            Kind::Specifier => value.numbers.push(payload.into()),
+            Kind::Turn(_) | Kind::Tokens | Kind::Samples => return None,
+        }
+        Some(value)
+    }
+
+    fn array(&self, word: u64) -> Option<Value> {
+        let place = word & PAYLOAD;
+        let mut value = Value::default();
+        if place == 0 {
+            return Some(value);
+        }
+        let mut at = Cursor::at(self.bytes, place)?;
+        if self.minor < 5 {
+            // The number of dimensions, which was always one.
+            at.u32()?;
+        }
+        let count = if self.minor < 7 { at.u32()?.into() } else { at.u64()? };
+        let is_coded = word & CODED != 0 && count >= FEWEST_CODED;
+        match Kind::of(word >> 48 & 0xFF)? {
+            Kind::Numbers(number, 1) if is_coded => {
+                value.numbers = coded(number, &mut at, count)?;
+            }
+            Kind::Numbers(number, width) => {
+                let bytes = count.checked_mul((width * number.bytes()) as u64)?;
+                let mut own = Cursor::new(at.slice(bytes)?);
+                value.numbers.reserve_exact(own.rest().len() / number.bytes());
+                while !own.rest().is_empty() {
+                    value.numbers.push(number.read(&mut own)?);
+                }
+            }
+            Kind::Token => value.texts = self.texts(&mut at, count)?,
+            _ => return None,
+        }
+        Some(value)
+    }
+
+    /// The first of the values over time. A jump counts from its own place.
+    fn first_sample(&self, place: u64) -> Option<Value> {
+        let jump = |place: u64| {
+            let jump = Cursor::at(self.bytes, place)?.i64()?;
+            place.checked_add_signed(jump)
+        };
+        let times = jump(place)?;
+        let mut values = Cursor::at(self.bytes, jump(times.checked_add(8)?)?)?;
+        let count = values.u64()?;
+        let first = (count > 0).then(|| values.u64())??;
+        // Samples have no samples in them.
+        let is_nested = matches!(Kind::of(first >> 48 & 0xFF), Some(Kind::Samples));
+        (!is_nested).then(|| self.value(first))?
+    }
+
+    /// The token of that number.
+    pub(super) fn token(&self, number: u32) -> Option<String> {
+        self.tokens.get(usize::try_from(number).ok()?).map(|token| (*token).to_owned())
+    }
+
+    fn texts(&self, at: &mut Cursor<'_>, count: u64) -> Option<Vec<String>> {
+        let mut own = Cursor::new(at.slice(count.checked_mul(4)?)?);
+        let mut texts = Vec::new();
+        while !own.rest().is_empty() {
+            texts.push(self.token(own.u32()?)?);
+        }
+        Some(texts)
+    }
+}
+
+/// Coded numbers: whole ones in a block, and floats as whole numbers or as places in a table.
+fn coded(number: Number, at: &mut Cursor<'_>, count: u64) -> Option<Vec<f64>> {
+    let block = |at: &mut Cursor<'_>| {
+        let size = at.u64()?;
+        numbers(at.slice(size)?, count)
+    };
+    let floats = |numbers: Vec<i32>| numbers.into_iter().map(f64::from).collect();
+    match number {
+        Number::I32 => block(at).map(floats),
+        Number::U32 => block(at)
+            .map(|own| own.into_iter().map(|number| number.cast_unsigned().into()).collect()),
+        Number::I64 | Number::U64 => {
+            let size = at.u64()?;
+            let own = long_numbers(at.slice(size)?, count)?;
+            Some(own.into_iter().map(long).collect())
+        }
+        Number::F16 | Number::F32 | Number::F64 => match at.take()? {
+            [b'i'] => block(at).map(floats),
+            [b't'] => {
+                let size = at.u32()?;
+                let mut table = Cursor::new(at.slice(u64::from(size) * number.bytes() as u64)?);
+                let table: Option<Vec<_>> = (0..size).map(|_| number.read(&mut table)).collect();
+                let table = table?;
+                let place = |place: i32| table.get(usize::try_from(place).ok()?).copied();
+                block(at)?.into_iter().map(place).collect()
+            }
+            _ => None,
+        },
+        Number::U8 | Number::I8 => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_those_of_the_standard() {
+        let pairs = [
+            (0x0000, 0.0),
+            (0x3C00, 1.0),
+            (0xC000, -2.0),
+            (0x3555, 0.333_251_953_125),
+            (0x0001, 2_f64.powi(-24)),
+            (0x7BFF, 65504.0),
+            (0x7C00, f64::INFINITY),
+        ];
+        for (bits, number) in pairs {
+            assert_eq!(half(bits), number, "{bits:#x}");
+        }
+        assert!(half(0x7C01).is_nan());
+    }
+
+    #[test]
+    fn words_hold_short_values() {
+        let values = Values { bytes: &[], minor: 8, tokens: vec!["", "Mesh"], strings: vec![1] };
+        let word = |kind: u64, payload: u64| INLINED | kind << 48 | payload;
+        let numbers = |word| values.value(word).unwrap().numbers;
+        assert_eq!(numbers(word(9, 0.5_f32.to_bits().into())), [0.5]);
+        assert_eq!(numbers(word(3, 0xFFFF_FFFF)), [-1.0]);
+        assert_eq!(numbers(word(24, 0x03_FE_01)), [1.0, -2.0, 3.0]);
+        assert_eq!(numbers(word(15, 0x01_02_02_02))[15], 1.0);
+        assert_eq!(values.value(word(11, 1)).unwrap().texts, ["Mesh"]);
+        assert_eq!(values.value(word(10, 0)).unwrap().texts, ["Mesh"]);
+        for wrong in [word(11, 2), word(10, 1), word(99, 0), 24 << 48, ARRAY | 24 << 48 | 1] {
+            assert_eq!(values.value(wrong), None);
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! A block's tubes as the arrays that a `.glb` holds of them, in metres.
+//!
+//! In: a block. Out: a [`PreparedBlock`], whose memory is kept for the next block. Yarns with a
+//! texture keep the vertices of their tubes; of others the first and the last vertex of a ring are
+//! one. Indices count from the first vertex of each mesh part, and have 16 bits where those suffice.
+
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
+
+use super::glb_options::{GlbOptions, Nodes, Precision};
+use super::texture::TextureSet;
+use warpknit_core::drape::Block;
+use warpknit_core::ids::{YarnId, index32};
+
+pub(super) const METRES_PER_MM: f32 = 1e-3;
+
+/// Those of a block's arrays that differ from its tubes'.
+#[derive(Debug, Default)]
+pub(super) struct PreparedBlock {
+    /// m.
+    pub(super) positions: Vec<Vec3>,
+    /// Unit normals.
+    pub(super) normals: Vec<Vec3>,
+    /// Counted in repeats of the bar's texture; empty where it has none.
+    pub(super) uvs: Vec<Vec2>,
+    /// The number of each of the tubes' vertices among the positions.
+    numbers: Vec<u32>,
+    /// Counted from the first vertex of each part.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// The same where they fit; then `triangles` is empty.
+    pub(super) short_triangles: Vec<[u16; 3]>,
+    pub(super) parts: Vec<PartRange>,
+}
+
+/// The range of a mesh part in a block's arrays: that of a yarn, or the whole block.
+#[derive(Debug)]
+pub(super) struct PartRange {
+    /// The first yarn of it.
+    pub(super) yarn: YarnId,
+    pub(super) vertices: Range<usize>,
+    pub(super) triangles: Range<usize>,
+    /// Bounds, m.
+    pub(super) low: Vec3,
+    pub(super) high: Vec3,
+}
+
+impl PreparedBlock {
+    /// Takes the arrays of a block.
+    pub(super) fn fill(&mut self, block: &Block, textures: &TextureSet, options: GlbOptions) {
+        let tubes = &block.tubes;
+        self.uvs.clear();
+        let is_textured = textures.texture_of(block.bar).is_some();
+        if is_textured {
+            let repeats = Vec2::new(1.0, textures.repeats_per_mm(block.bar));
+            self.uvs.extend(tubes.uvs.iter().map(|uv| *uv * repeats));
+        }
+        // Without texture coordinates the vertices along a tube's seam are pairs of equals.
+        let joins = options.precision == Precision::Quantised && !is_textured;
+        let strands: Vec<_> = block.strands.strands.iter().zip(&tubes.strands).collect();
+        let is_one = |a: YarnId, b: YarnId| options.nodes == Nodes::Bar || a == b;
+        self.clear();
+        // A yarn's strands follow each other, and so do their vertices and triangles.
+        for strands in strands.chunk_by(|(a, _), (b, _)| is_one(a.yarn, b.yarn)) {
+            let ((strand, (first, first_triangles)), (_, (last, last_triangles))) =
+                (strands[0], strands[strands.len() - 1]);
+            let triangles = first_triangles.start as usize..last_triangles.end as usize;
+            let start = self.positions.len();
+            self.add_vertices(block, first.start..last.end, joins);
+            let vertices = start..self.positions.len();
+            let [low, high] = bounds(&self.positions[vertices.clone()]);
+            self.parts.push(PartRange { yarn: strand.yarn, vertices, triangles, low, high });
+        }
+        self.fill_triangles(&tubes.triangles);
+    }
+
+    /// Forgets everything but keeps the memory.
+    fn clear(&mut self) {
+        self.positions.clear();
+        self.normals.clear();
+        self.numbers.clear();
+        self.parts.clear();
+    }
+
+    /// Takes some vertices, and joins equal ones of a ring if that is wanted.
+    fn add_vertices(&mut self, block: &Block, vertices: Range<u32>, joins: bool) {
+        let tubes = &block.tubes;
+        // The first vertex of a ring whose seam is open: it is one where the last one comes.
+        let mut ring: Option<(Vec3, Vec3, u32)> = None;
+        for vertex in vertices.start as usize..vertices.end as usize {
+            let (position, normal) = (tubes.positions[vertex], tubes.normals[vertex]);
+            if joins
+                && let Some((first, first_normal, number)) = ring
+                && (first, first_normal) == (position, normal)
+            {
+                self.numbers.push(number);
+                ring = None;
+                continue;
+            }
+            let number = index32(self.positions.len());
+            ring = ring.or(Some((position, normal, number)));
+            self.numbers.push(number);
+            self.positions.push(position * METRES_PER_MM);
+            self.normals.push(normal);
+        }
+    }
+
+    /// Counts the corners of a block's triangles from the first vertex of each part.
+    fn fill_triangles(&mut self, triangles: &[[u32; 3]]) {
+        self.triangles.clear();
+        self.short_triangles.clear();
+        // The greatest number of 16 bits ends a strip in some readers, so it is no vertex.
+        let is_short = self.parts.iter().all(|part| part.vertices.len() <= usize::from(u16::MAX));
+        let numbers = &self.numbers;
+        for part in &self.parts {
+            let first = index32(part.vertices.start);
+            let own = triangles[part.triangles.clone()]
+                .iter()
+                .map(|corners| corners.map(|corner| numbers[corner as usize] - first));
+            if is_short {
+                #[expect(clippy::cast_possible_truncation, reason = "no yarn has more vertices")]
+                self.short_triangles.extend(own.map(|corners| corners.map(|corner| corner as u16)));
+            } else {
+                self.triangles.extend(own);
+            }
+        }
+    }
+}
+
+/// Lowest and highest corner of some positions.
+pub(super) fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for position in positions {
+        low = low.min(*position);
+        high = high.max(*position);
+    }
+    [low, high]
+}

@@ -1,0 +1,145 @@
+//! Garments in other formats than OBJ: files that Blender 5.0.1 wrote (`tests/garments`, made by
+//! `tests/readers/garments.py`) hold what the same cloth holds as OBJ, and damaged ones are refused.
+
+use std::path::{Path, PathBuf};
+
+use proptest::prelude::*;
+use warpknit::garment::{Frames, Garment, GarmentError, ReadOptions, Unit, read};
+
+/// Squares of the cloth across and along.
+const SQUARES: [usize; 2] = [12, 8];
+const FILES: [&str; 6] = [
+    "blender.glb",
+    "blender.ply",
+    "blender.usda",
+    "blender.usdc",
+    "blender_y_up.usdc",
+    "blender_moving.usdc",
+];
+
+fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/garments").join(name)
+}
+
+fn read_alone(path: &Path) -> Result<Garment, GarmentError> {
+    read(path, None, &ReadOptions::default())
+}
+
+/// The cloth as OBJ, in metres. Its numbers are ones that 32 bits hold.
+fn obj() -> String {
+    let [across, along] = SQUARES.map(|squares| squares as f64);
+    let fine = |place: f64| (place * 4096.0).round_ties_even() / 4096.0;
+    let (mut places, mut pattern, mut faces) = (String::new(), String::new(), String::new());
+    for row in 0..=SQUARES[1] {
+        for column in 0..=SQUARES[0] {
+            let (x, y) = (column as f64 / across * 0.5, row as f64 / along);
+            let (right, back) = (0.25 * (2.0 * x - 0.5).sin(), 0.06 * (3.0 * x).cos());
+            let (right, up, back) = (fine(right), 1.0 + fine(y * 0.375), -fine(back));
+            places += &format!("v {right} {up} {back}\n");
+            let [u, v] = [column as f64 / across * 1024.0, y * 768.0]
+                .map(|place| place.round_ties_even() / 1024.0);
+            pattern += &format!("vt {u} {v}\n");
+            if row < SQUARES[1] && column < SQUARES[0] {
+                let a = row * (SQUARES[0] + 1) + column + 1;
+                let [b, c, d] = [a + 1, a + SQUARES[0] + 2, a + SQUARES[0] + 1];
+                faces += &format!("f {a}/{a} {b}/{b} {c}/{c}\nf {a}/{a} {c}/{c} {d}/{d}\n");
+            }
+        }
+    }
+    places + &pattern + &faces
+}
+
+/// The points of a garment's yarns as the command writes them.
+fn yarns(folder: &Path, garment: &Path) -> Vec<f64> {
+    let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
+    command
+        .env("XDG_CACHE_HOME", crate::cache_home())
+        .current_dir(folder)
+        .arg("drape")
+        .arg(garment);
+    command.args(["--wales-per-cm", "2", "--quiet", "-o", "yarns.csv"]).assert().success();
+    let text = std::fs::read_to_string(folder.join("yarns.csv")).unwrap();
+    text.split(['\n', ',']).filter_map(|number| number.parse().ok()).collect()
+}
+
+#[test]
+fn the_same_cloth_has_the_same_yarns_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cloth.obj");
+    std::fs::write(&path, obj()).unwrap();
+    let expected = read_alone(&path).unwrap();
+    let expected_yarns = yarns(folder.path(), &path);
+    assert!(expected_yarns.len() > 10_000);
+    for name in FILES {
+        let garment = read_alone(&file(name)).unwrap();
+        assert_eq!((garment.summary.unit, garment.panels.len()), ("m", 1), "{name}");
+        let (own, other) = (&garment.panels[0], &expected.panels[0]);
+        assert_eq!((&own.uv, &own.triangles), (&other.uv, &other.triangles), "{name}");
+        let off = own.draped.iter().zip(&other.draped).map(|(a, b)| a.distance(*b));
+        assert!(off.fold(0.0, f64::max) < 1e-9, "{name}");
+        let yarns = yarns(folder.path(), &file(name));
+        assert_eq!(yarns.len(), expected_yarns.len(), "{name}");
+        let off = yarns.iter().zip(&expected_yarns).map(|(a, b)| (a - b).abs());
+        assert!(off.fold(0.0, f64::max) <= 1e-6, "{name}");
+    }
+}
+
+#[test]
+fn a_flat_and_a_draped_file_may_be_of_different_formats_and_frames_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cloth.obj");
+    std::fs::write(&path, obj()).unwrap();
+    let options = ReadOptions { unit: Some(Unit::M), ..ReadOptions::default() };
+    let pair = read(&path, Some(&file("blender.usdc")), &options).unwrap();
+    let alone = read_alone(&path).unwrap();
+    assert_eq!(pair.panels[0].triangles.len(), alone.panels[0].triangles.len());
+    let (mut garment, frames) = Frames::read(&path, None, &options).unwrap();
+    for name in FILES {
+        frames.pose(&mut garment, &file(name)).unwrap();
+        let off = garment.panels[0].draped.iter().zip(&alone.panels[0].draped);
+        assert!(off.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) < 1e-9, "{name}");
+    }
+}
+
+/// One line that names the file, or a garment.
+fn is_read_or_refused(path: &Path) {
+    if let Err(error) = read_alone(path) {
+        let text = error.to_string();
+        assert!(text.contains("damaged") && !text.contains(['\n', '\r']), "{text}");
+    }
+}
+
+#[test]
+fn a_file_cut_anywhere_reads_or_says_why_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("damaged");
+    for name in FILES {
+        let bytes = std::fs::read(file(name)).unwrap();
+        for end in (0..bytes.len()).step_by(37) {
+            std::fs::write(&path, &bytes[..end]).unwrap();
+            is_read_or_refused(&path);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn a_file_with_wrong_bytes_reads_or_says_why_not(
+        name in prop::sample::select(&FILES[..]),
+        wrong in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        near_end in any::<bool>(),
+    ) {
+        let mut bytes = std::fs::read(file(name)).unwrap();
+        // The sections of a crate file are at its end, and the text of glTF at its start.
+        let range = if near_end { bytes.len() * 3 / 4..bytes.len() } else { 0..bytes.len() };
+        for (place, byte) in wrong {
+            bytes[range.start + place.index(range.len())] = byte;
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("damaged");
+        std::fs::write(&path, bytes).unwrap();
+        is_read_or_refused(&path);
+    }
+}

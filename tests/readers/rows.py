@@ -1,0 +1,170 @@
+"""A row for each file that others open or run: python rows.py [--binary warpknit] [--million]. See README.md beside this file.
+
+Each row names its reader, what it found, and fails where that is wrong. A reader that isn't installed is skipped, and the last line counts rows.
+"""
+
+import argparse
+import importlib.util
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+TSHIRT = HERE.parents[1] / "meshes/tshirt.obj"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--binary", type=Path, default=shutil.which("warpknit"), help="the program [default: the one on the path]")
+    parser.add_argument("--validator", type=Path, help="a node_modules folder with gltf-validator")
+    parser.add_argument("--million", action="store_true", help="open a .usdc of a million stitches too, which takes minutes to knit")
+    arguments = parser.parse_args()
+    binary, million, validator = arguments.binary.resolve(), arguments.million, arguments.validator
+    ready = {name: importlib.util.find_spec(name) is not None for name in ("pxr", "newton", "bpy")}
+    ccx = shutil.which("ccx")
+    rows = [
+        (".usdc", "usd-core", ready["pxr"], lambda folder: usdc(binary, folder, ["--wales", "60", "--courses", "60"])),
+        (".usdc, 10^6", "usd-core", ready["pxr"] and million, lambda folder: usdc(binary, folder, ["--wales", "1000", "--courses", "500"], 1_000_000)),
+        (".usda", "Newton", ready["newton"], lambda folder: newton(binary, folder)),
+        (".inp", "CalculiX", ccx is not None, lambda folder: inp(binary, folder, ccx)),
+        (".bcc", "as YarnBall reads", True, lambda folder: bcc(binary, folder)),
+        (".glb", "gltf-validator", validator is not None, lambda folder: validated(binary, folder, validator)),
+        (".glb .ply .obj", "Blender", ready["bpy"], lambda folder: blender(binary, folder)),
+        (".npz", "numpy", True, lambda folder: npz(binary, folder)),
+    ]
+    skipped = 0
+    for file, reader, is_ready, run in rows:
+        found = "skipped"
+        if is_ready:
+            with tempfile.TemporaryDirectory() as folder:
+                found = run(Path(folder))
+        else:
+            skipped += 1
+        print(f"{file:15} {reader:18} {found}", flush=True)
+    print(f"{len(rows) - skipped} rows, {skipped} skipped")
+
+
+def swatch(binary, folder, *flags):
+    subprocess.run([binary, "swatch", "--fabric", "tricot", "--quiet", *flags], cwd=folder, check=True, capture_output=True)
+
+
+def usdc(binary, folder, size, stitches=0):
+    """Opens at once: in under 0.1 s, with all arrays of curves."""
+    from pxr import Usd, UsdGeom
+
+    Usd.Stage.CreateInMemory()  # Loads the plug-ins, which no file is to blame for.
+    swatch(binary, folder, *size, "-o", "a.usdc", "-o", "a.json")
+    found = json.loads((folder / "a.json").read_text())["stitches"]
+    start = time.perf_counter()
+    stage = Usd.Stage.Open(str(folder / "a.usdc"))
+    points = sum(len(UsdGeom.BasisCurves(prim).GetPointsAttr().Get()) for prim in stage.Traverse() if prim.IsA(UsdGeom.BasisCurves))
+    took = time.perf_counter() - start
+    assert points > found >= stitches and took < 0.1, (points, found, took)
+    return f"{found} stitches, {points} points in {1e3 * took:.1f} ms, {(folder / 'a.usdc').stat().st_size / 1e6:.1f} MB"
+
+
+def newton(binary, folder):
+    """Finds bodies, and runs 100 steps without a crossing."""
+    swatch(binary, folder, "--wales", "4", "--courses", "4", "--usd-curves", "linear", "-o", "a.usda")
+    run = subprocess.run([sys.executable, HERE / "newton_run.py", "a.usda", "100"], cwd=folder, capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return "; ".join(line for line in run.stdout.splitlines() if "bodies" in line or "crossings" in line)
+
+
+def inp(binary, folder, ccx):
+    """Runs a step as it is."""
+    swatch(binary, folder, "--wales", "4", "--courses", "4", "-o", "a.inp")
+    run = subprocess.run([ccx, "a"], cwd=folder, capture_output=True, text=True)
+    lines = run.stdout.splitlines()
+    errors = [line.strip() for line in lines if "*ERROR" in line]
+    steps = (folder / "a.sta").read_text().splitlines()
+    assert run.returncode == 0 and not errors and "Job finished" in run.stdout, lines[-20:]
+    warnings = sum("*WARNING" in line for line in lines)
+    return f"job finished, {len(errors)} errors, {warnings} warnings, last increment: {' '.join(steps[-1].split())}"
+
+
+def bcc(binary, folder):
+    """Reads curves as uniform Catmull-Rom from the second point to the last but one, and measures what that drops."""
+    swatch(binary, folder, "--wales", "12", "--courses", "12", "-o", "a.bcc", "-o", "a.npz")
+    data = (folder / "a.bcc").read_bytes()
+    count = int.from_bytes(data[8:16], "little")
+    place, curves = 64, []
+    for _ in range(count):
+        length = int.from_bytes(data[place : place + 4], "little")
+        curves.append(np.frombuffer(data, "<f4", 3 * length, place + 4).reshape(-1, 3))
+        place += 4 + 12 * length
+    assert place == len(data)
+    arrays = np.load(folder / "a.npz")
+    ends = np.concatenate([[0], np.cumsum(arrays["length"].astype(int))])
+    assert len(curves) == len(arrays["length"])
+    # What is read begins and ends where the strand does.
+    off = max(max(np.abs(curve[1] - arrays["draped"][first]).max(), np.abs(curve[-2] - arrays["draped"][last - 1]).max()) for curve, first, last in zip(curves, ends[:-1], ends[1:]))
+    assert off < 1e-3, off
+    beside = json.loads((folder / "a.bcc.json").read_text())
+    return f"{count} curves, read ends are off by {off:.1e} mm at most; beside it {sorted(beside)}"
+
+
+def validated(binary, folder, validator):
+    """Without an error."""
+    subprocess.run([binary, "drape", TSHIRT, "--fabric", "locknit", "--wales-per-cm", "2", "--quiet", "-o", "a.glb"], cwd=folder, check=True)
+    script = (
+        "const fs = require('fs'), v = require(process.argv[1] + '/gltf-validator');"
+        "v.validateBytes(new Uint8Array(fs.readFileSync('a.glb')), { maxIssues: 0 }).then((r) => console.log(JSON.stringify(r.issues)));"
+    )
+    run = subprocess.run(["node", "-e", script, validator.resolve()], cwd=folder, check=True, capture_output=True, text=True)
+    issues = json.loads(run.stdout)
+    assert issues["numErrors"] == 0, issues
+    return f"{issues['numErrors']} errors, {issues['numWarnings']} warnings"
+
+
+def blender(binary, folder):
+    """Opens upright and at the right size, the .glb of a T-shirt in under 5 s of the processor."""
+    import bpy
+    import mathutils
+
+    files = ["-o", "a.glb", "-o", "a.ply", "-o", "a.obj", "-o", "a.npz", "--file-unit", "m", "--up", "z", "--st", "4", "--sr", "4"]
+    subprocess.run([binary, "drape", TSHIRT, "--fabric", "locknit", "--wales-per-cm", "2", "--quiet", *files], cwd=folder, check=True)
+    points = np.load(folder / "a.npz")["draped"]
+    # Blender has z up, and our y is up.
+    wide, tall, deep = np.ptp(points, axis=0) / 1000
+    found = []
+    importers = {
+        "a.glb": lambda path: bpy.ops.import_scene.gltf(filepath=path),
+        "a.ply": lambda path: bpy.ops.wm.ply_import(filepath=path),
+        "a.obj": lambda path: bpy.ops.wm.obj_import(filepath=path, up_axis="Z", forward_axis="Y"),
+    }
+    for name, read in importers.items():
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        start = time.process_time()
+        read(str(folder / name))
+        took = time.process_time() - start
+        objects = [thing for thing in bpy.data.objects if thing.type == "MESH"]
+        bpy.context.view_layer.update()
+        corners = np.array([thing.matrix_world @ mathutils.Vector(corner) for thing in objects for corner in thing.bound_box])
+        size = np.ptp(corners, axis=0)
+        assert np.abs(size - [wide, deep, tall]).max() < 0.005, (name, size, [wide, deep, tall])
+        assert took < 5 or name != "a.glb", took
+        found.append(f"{name[1:]} {len(objects)} objects, {size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m in {took:.1f} s")
+    return "; ".join(found)
+
+
+def npz(binary, folder):
+    """Floats of 32 bits and compression lose no more than they say."""
+    small = ["--wales", "12", "--courses", "12"]
+    swatch(binary, folder, *small, "-o", "a.npz")
+    swatch(binary, folder, *small, "--npz-precision", "f32", "--npz-compress", "-o", "b.npz")
+    a, b = np.load(folder / "a.npz"), np.load(folder / "b.npz")
+    assert a.files == b.files and b["draped"].dtype == np.float32
+    assert all(np.abs(a[name] - b[name].astype(a[name].dtype)).max() < 1e-5 for name in a.files)
+    sizes = [(folder / name).stat().st_size for name in ("a.npz", "b.npz")]
+    return f"{sizes[0]} bytes as it is, {sizes[1]} as compressed 32 bits"
+
+
+if __name__ == "__main__":
+    main()
