@@ -57,8 +57,13 @@ impl CellSpectrum {
 impl Template {
     /// A sketch, blurred by a Gaussian of so many of its pixels.
     pub(super) fn new(fourier: &Fourier, sketch: &Sketch, blur: f64) -> Self {
-        let spectra = sketch.channels.each_ref().map(|plane| {
-            let mut spectrum = fourier.spectrum(&plane.values);
+        Self::of_channels(fourier, sketch.channels.each_ref().map(|plane| &plane.values[..]), blur)
+    }
+
+    /// The channels of a sketch, blurred in the same way.
+    pub(super) fn of_channels(fourier: &Fourier, channels: [&[f32]; CHANNELS], blur: f64) -> Self {
+        let spectra = channels.map(|values| {
+            let mut spectrum = fourier.spectrum(values);
             blurred(&mut spectrum, fourier, blur);
             // Means tell nothing: the photo's own is taken off.
             spectrum[0] = Complex32::default();

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::Face;
 use super::compare::{CellSpectrum, Match, Template};
 use super::frames::{Frame, frames};
-use super::sketch::{COURSE, Sketch, WALE};
+use super::sketch::{CHANNELS, COURSE, Sketch, WALE};
 use super::unfold::Sheet;
 use crate::capture::lattice::Lattice;
 use crate::capture::plane::normalized_contrast;
@@ -34,6 +34,9 @@ const BLUR: f32 = 1.0;
 /// Deviation of the registration's window, in lengths of the cell, and at most this share of the
 /// photo's side.
 const WINDOW: [f64; 2] = [1.1, 0.11];
+
+/// The most courses of a lapping that is searched for.
+pub(super) const MOST_COURSES: usize = 4;
 
 /// A photo of a face.
 pub(super) struct FaceView {
@@ -119,6 +122,17 @@ impl FaceView {
         self.folds.get(&sketch.repeat).map(|(fourier, _)| Template::new(fourier, sketch, blur))
     }
 
+    /// Channels of a sketch of a repeat, ready to be compared.
+    pub(super) fn template_of(
+        &self,
+        repeat: [usize; 2],
+        channels: [&[f32]; CHANNELS],
+        blur: f64,
+    ) -> Option<Template> {
+        let (fourier, _) = self.folds.get(&repeat)?;
+        Some(Template::of_channels(fourier, channels, blur))
+    }
+
     /// The best frames for a template of a repeat, among some of them, the best first.
     pub(super) fn scores(
         &self,
@@ -152,6 +166,19 @@ impl FaceView {
     /// The mean of all copies of a repeat in a frame.
     pub(super) fn mean_cell(&self, repeat: [usize; 2], frame: usize) -> Vec<f32> {
         self.sheets[frame].fold(repeat).values
+    }
+
+    /// Folds the photo into the repeats of one wale and few courses.
+    pub(super) fn fold_few_courses(&mut self) {
+        (1..=MOST_COURSES).for_each(|courses| self.fold([1, courses]));
+    }
+
+    /// The largest share that copies of any repeat have in common.
+    pub(super) fn most_common(&self) -> f64 {
+        let repeats = self.folds.keys();
+        let all = repeats
+            .flat_map(|repeat| (0..self.frames.len()).map(|frame| self.common(*repeat, frame)));
+        all.fold(0.0, f64::max)
     }
 
     /// The share of its variance that copies of a repeat have in common in a frame. What noise alone
