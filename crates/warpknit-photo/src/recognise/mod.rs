@@ -24,6 +24,7 @@
 //! Not promised: the photo stands upright, wales within ten degrees of its columns.
 
 mod answer;
+mod bends;
 mod candidate;
 mod compare;
 mod fit;

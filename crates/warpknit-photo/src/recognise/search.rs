@@ -32,12 +32,12 @@ const FRAMES: usize = 2;
 const AS_GOOD: f64 = 0.97;
 /// Courses may differ by this share between the photos.
 const SAME_PROPORTION: f64 = 0.1;
-/// Front bars behind which back bars are looked for.
-const FRONTS: usize = 12;
-/// Lappings that are changed further at a time.
+/// Front bars from which the search starts.
+const STARTS: usize = 8;
+/// Lappings that are changed further after the first rounds.
 const BEAM: usize = 3;
 /// Rounds of changes, at most.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 10;
 /// Lappings that are returned.
 const FOUND: usize = 16;
 /// The same of those beside a lapping.
@@ -208,36 +208,36 @@ impl Compared<'_> {
             return self.compared(all.collect());
         }
         let fronts = self.compared(chains.iter().map(|front| vec![front.clone()]).collect());
-        let fronts = phases(&fronts[..FRONTS.min(fronts.len())]);
-        let mut best = if courses == 3 {
-            let all = fronts
-                .iter()
-                .flat_map(|front| chains.iter().map(|back| vec![front.clone(), back.clone()]));
-            self.compared(all.collect())
-        } else {
-            let swing: Vec<Lap> = (0..courses).map(|course| (0, course % 2 == 0)).collect();
-            let starts = fronts.iter().map(|front| vec![front.clone(), swing.clone()]);
-            let all = starts.flat_map(|laps| changes(&laps, 1));
-            let first = self.compared(all.collect());
-            let all = first.iter().take(2 * BEAM).flat_map(|(_, laps)| changes(laps, 1));
-            let all = all.collect();
-            merged(first, self.compared(all))
-        };
-        for _ in 0..ROUNDS {
-            let top = best.first().map_or(0.0, |best| best.0);
-            let all: Vec<Laps> = best
-                .iter()
-                .take(BEAM)
-                .flat_map(|(_, laps)| [0, 1].map(|bar| changes(laps, bar)))
-                .flatten()
-                .collect();
-            let next = self.compared(all);
-            best = merged(best, next);
-            best.truncate(2 * FOUND);
-            if best.first().is_none_or(|best| best.0 <= top) {
+        let swing: Vec<Lap> = (0..courses).map(|course| (0, course % 2 == 0)).collect();
+        let starts = fronts.into_iter().step_by(fronts_apart(courses)).take(STARTS);
+        let mut climbs: Found = starts
+            .map(|(_, laps)| (0.0, vec![laps[0].clone(), swing.clone()]))
+            .collect();
+        let mut best: Found = Vec::new();
+        for round in 0..ROUNDS {
+            let mut has_improved = false;
+            for at in 0..climbs.len() {
+                let changed = if round % 2 == 0 {
+                    (0..courses).flat_map(|course| joint_changes(&climbs[at].1, course)).collect()
+                } else {
+                    [0, 1].iter().flat_map(|bar| changes(&climbs[at].1, *bar)).collect()
+                };
+                let mut found = self.compared(changed);
+                found.truncate(2 * FOUND);
+                if let Some(next) = found.first().filter(|next| next.0 > climbs[at].0) {
+                    climbs[at] = next.clone();
+                    has_improved = true;
+                }
+                best = merged(best, found);
+                best.truncate(2 * FOUND);
+            }
+            if !has_improved && round > 0 {
                 break;
             }
+            climbs = merged(climbs, Vec::new());
+            climbs.truncate(if round < 2 { STARTS } else { BEAM });
         }
+        if std::env::var("DBG").is_ok() { eprintln!("n {courses}: {} seen; best {:.3} {}", self.seen.len(), best[0].0, best[0].1.iter().map(|b| text(b)).collect::<Vec<_>>().join(" + ")); }
         best
     }
 
@@ -269,16 +269,16 @@ impl Compared<'_> {
     }
 }
 
+/// Every how many of the front bars the search starts from one: those of few courses are few.
+fn fronts_apart(courses: usize) -> usize {
+    if courses == 3 { 4 } else { 12 }
+}
+
 /// Two lists of lappings, the best first.
 fn merged(mut one: Found, other: Found) -> Found {
     one.extend(other);
     one.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
     one
-}
-
-/// Front bars.
-fn phases(fronts: &[(f64, Laps)]) -> Vec<Vec<Lap>> {
-    fronts.iter().map(|(_, laps)| laps[0].clone()).collect()
 }
 
 /// The least of the forms of a lapping that begin at another course or needle.
@@ -335,6 +335,27 @@ fn changes(own: &Laps, bar: usize) -> Vec<Laps> {
                     }
                 }
             }
+        }
+    }
+    all
+}
+
+/// All lappings that differ in the laps of both bars in a course.
+fn joint_changes(own: &Laps, course: usize) -> Vec<Laps> {
+    let reach = |bar: &Vec<Lap>| {
+        let others = bar.iter().enumerate().filter(|(at, _)| *at != course);
+        let (low, high) = others.fold((i32::MAX, i32::MIN), |(low, high), (_, (needle, _))| {
+            (low.min(*needle), high.max(*needle))
+        });
+        laps(high - NEEDLES + 1, low + NEEDLES - 1)
+    };
+    let mut all = Vec::new();
+    for front in reach(&own[0]) {
+        for back in reach(&own[1]) {
+            let mut changed = own.clone();
+            changed[0][course] = front;
+            changed[1][course] = back;
+            all.push(changed);
         }
     }
     all
