@@ -7,11 +7,11 @@
 //! [`Stitches`].
 //!
 //! - Two courses: all of them.
-//! - More: first the front bar alone, then the back bar behind the best front bars (for three
-//!   courses all chains, for four by changing two of its laps at a time), then both bars by
-//!   changing two laps at a time, until nothing improves.
+//! - More: from some lappings, both bars' laps of one course or two laps of one bar are changed,
+//!   whatever is best. Where this soon explains far less than another number of courses, nothing
+//!   more is tried. Otherwise three courses are searched wholly, and four from more lappings.
 //!
-//! Cost: some tenths of a millisecond a lapping, one to five thousand lappings. Not promised: bars
+//! Cost: 60 microseconds a lapping of a photo of both faces, some ten thousand lappings. Not promised: bars
 //! that are not fully threaded, inlays, three bars, more courses.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -32,16 +32,24 @@ const FRAMES: usize = 2;
 const AS_GOOD: f64 = 0.97;
 /// Courses may differ by this share between the photos.
 const SAME_PROPORTION: f64 = 0.1;
-/// Front bars from which the search starts.
-const STARTS: usize = 8;
-/// Lappings that are changed further after the first rounds.
-const BEAM: usize = 3;
-/// Rounds of changes, at most.
-const ROUNDS: usize = 10;
+/// Lappings from which a first look at a number of courses starts, and rounds of changes.
+const FIRST_STARTS: usize = 4;
+const FIRST_ROUNDS: usize = 2;
+/// A number of courses is looked at further if the first look found this share of the best.
+const WORTH: f64 = 0.8;
+/// Lappings from which the search over four courses starts.
+const STARTS: usize = 24;
+/// The best that it found are changed further, in so many rounds at most.
+const BEAM: usize = 4;
+const ROUNDS: usize = 8;
 /// Lappings that are returned.
 const FOUND: usize = 16;
+/// Of these, at most so many have the same front bar, or the same back bar.
+const SAME_BAR: usize = 4;
 /// The same of those beside a lapping.
 const NEAR: usize = 8;
+/// Lappings that are kept while searching.
+const KEPT: usize = 200;
 /// Blur of sketches, as for drafts.
 const BLUR: f64 = 1.2;
 
@@ -77,14 +85,26 @@ impl Search {
     }
 
     /// The best lappings, the best first.
-    pub(super) fn run(&mut self, views: &mut [FaceView]) -> Vec<Fit> {
-        let mut found = Vec::new();
+    pub(super) fn run(&mut self, photos: &mut [FaceView]) -> Vec<Fit> {
+        let views = &*photos;
         let all = self.hypotheses.iter().zip(&mut self.stitches);
-        for (number, (hypothesis, stitches)) in all.enumerate() {
-            let mut search = Compared { views, hypothesis, stitches, seen: BTreeSet::new() };
-            found.extend(search.run().into_iter().map(|(share, laps)| (share, laps, number)));
+        let mut first: Vec<(Compared<'_>, Found)> = all
+            .map(|(hypothesis, stitches)| {
+                let mut search = Compared { views, hypothesis, stitches, seen: BTreeSet::new() };
+                let found = search.first();
+                (search, found)
+            })
+            .collect();
+        let top = |found: &Found| found.first().map_or(0.0, |best| best.0);
+        let best = first.iter().map(|(_, found)| top(found)).fold(0.0, f64::max);
+        let mut all = Vec::new();
+        for (number, (search, found)) in first.iter_mut().enumerate() {
+            if top(found) >= WORTH * best {
+                let found = search.more(std::mem::take(found));
+                all.extend(found.into_iter().map(|(share, laps)| (share, laps, number)));
+            }
         }
-        self.drafts(views, found, FOUND)
+        self.drafts(photos, all, FOUND)
     }
 
     /// The best lappings that differ from some of those returned in one lap, or in two of one bar,
@@ -97,8 +117,9 @@ impl Search {
             let hypothesis = &self.hypotheses[number];
             let stitches = &mut self.stitches[number];
             let mut search = Compared { views, hypothesis, stitches, seen: BTreeSet::new() };
-            let all = (0..laps.len()).flat_map(|bar| changes(&laps, bar)).collect();
-            let near = search.compared(all);
+            let one_bar = (0..laps.len()).flat_map(|bar| changes(&laps, bar));
+            let both = (0..laps[0].len()).flat_map(|course| joint_changes(&laps, course));
+            let near = search.compared(one_bar.chain(both).collect());
             found.extend(near.into_iter().map(|(share, laps)| (share, laps, number)));
         }
         self.drafts(views, found, NEAR)
@@ -113,7 +134,14 @@ impl Search {
     ) -> Vec<Fit> {
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
         let mut fits = Vec::new();
+        let mut bars: BTreeMap<(usize, Vec<Lap>), usize> = BTreeMap::new();
         for (_, laps, number) in found {
+            // Stitches are drafts, and lappings of one wrong bar crowd out the right one.
+            let own = laps.iter().map(|bar| canonical(&vec![bar.clone()]).swap_remove(0));
+            let own: Vec<(usize, Vec<Lap>)> = own.enumerate().collect();
+            if own.iter().any(|bar| bars.get(bar).is_some_and(|count| *count >= SAME_BAR)) {
+                continue;
+            }
             let hypothesis = &self.hypotheses[number];
             let chains: Vec<String> = laps.iter().map(|bar| text(bar)).collect();
             let Ok(fabric) = full_bars(&chains) else { continue };
@@ -123,6 +151,7 @@ impl Search {
                 continue;
             }
             self.returned.insert(key, (laps, number));
+            own.into_iter().for_each(|bar| *bars.entry(bar).or_default() += 1);
             let draft = Candidate::draft(proportioned(&fabric, hypothesis.proportion, 1.0));
             fits.extend(fit_in(views, &[draft], &hypothesis.frames));
             if fits.len() >= most {
@@ -198,46 +227,71 @@ struct Compared<'a> {
 type Found = Vec<(f64, Laps)>;
 
 impl Compared<'_> {
-    fn run(&mut self) -> Found {
-        let courses = self.hypothesis.courses;
-        let chains = chains(courses);
-        if courses == 2 {
-            let all = chains
-                .iter()
-                .flat_map(|front| chains.iter().map(|back| vec![front.clone(), back.clone()]));
-            return self.compared(all.collect());
+    /// A first look: whether the number of courses may be right.
+    fn first(&mut self) -> Found {
+        let chains = chains(self.hypothesis.courses);
+        if self.hypothesis.courses == 2 {
+            return self.compared(pairs(&chains).collect());
         }
-        let fronts = self.compared(chains.iter().map(|front| vec![front.clone()]).collect());
+        let starts = self.starts(&chains, FIRST_STARTS);
+        self.climb(starts, FIRST_ROUNDS)
+    }
+
+    /// All that is looked at if it may be right.
+    fn more(&mut self, first: Found) -> Found {
+        let chains = chains(self.hypothesis.courses);
+        match self.hypothesis.courses {
+            2 => first,
+            3 => {
+                let all = self.compared(pairs(&chains).collect());
+                merged(first, all)
+            }
+            _ => {
+                let starts = self.starts(&chains, STARTS);
+                let found = self.climb(starts, FIRST_ROUNDS);
+                let best = merged(first, found);
+                let climbs = best.iter().take(BEAM).map(|(_, laps)| laps.clone()).collect();
+                let found = self.climb(climbs, ROUNDS);
+                merged(best, found)
+            }
+        }
+    }
+
+    /// Front bars of all kinds, the back bar a pillar.
+    fn starts(&self, chains: &[Vec<Lap>], count: usize) -> Vec<Laps> {
+        let courses = self.hypothesis.courses;
         let swing: Vec<Lap> = (0..courses).map(|course| (0, course % 2 == 0)).collect();
-        let starts = fronts.into_iter().step_by(fronts_apart(courses)).take(STARTS);
-        let mut climbs: Found = starts
-            .map(|(_, laps)| (0.0, vec![laps[0].clone(), swing.clone()]))
-            .collect();
+        let starts = chains.iter().step_by(chains.len() / count).take(count);
+        starts.map(|front| vec![front.clone(), swing.clone()]).collect()
+    }
+
+    /// Changes each of some lappings for the better, in turn the laps of both bars in one course and
+    /// two laps of one bar.
+    fn climb(&mut self, starts: Vec<Laps>, rounds: usize) -> Found {
+        let courses = self.hypothesis.courses;
+        let mut climbs: Found = starts.into_iter().map(|laps| (0.0, laps)).collect();
         let mut best: Found = Vec::new();
-        for round in 0..ROUNDS {
+        for round in 0..rounds {
             let mut has_improved = false;
-            for at in 0..climbs.len() {
+            for climb in &mut climbs {
                 let changed = if round % 2 == 0 {
-                    (0..courses).flat_map(|course| joint_changes(&climbs[at].1, course)).collect()
+                    (0..courses).flat_map(|course| joint_changes(&climb.1, course)).collect()
                 } else {
-                    [0, 1].iter().flat_map(|bar| changes(&climbs[at].1, *bar)).collect()
+                    [0, 1].iter().flat_map(|bar| changes(&climb.1, *bar)).collect()
                 };
                 let mut found = self.compared(changed);
-                found.truncate(2 * FOUND);
-                if let Some(next) = found.first().filter(|next| next.0 > climbs[at].0) {
-                    climbs[at] = next.clone();
+                found.truncate(KEPT);
+                if let Some(next) = found.first().filter(|next| next.0 > climb.0) {
+                    *climb = next.clone();
                     has_improved = true;
                 }
                 best = merged(best, found);
-                best.truncate(2 * FOUND);
+                best.truncate(KEPT);
             }
             if !has_improved && round > 0 {
                 break;
             }
-            climbs = merged(climbs, Vec::new());
-            climbs.truncate(if round < 2 { STARTS } else { BEAM });
         }
-        if std::env::var("DBG").is_ok() { eprintln!("n {courses}: {} seen; best {:.3} {}", self.seen.len(), best[0].0, best[0].1.iter().map(|b| text(b)).collect::<Vec<_>>().join(" + ")); }
         best
     }
 
@@ -269,9 +323,11 @@ impl Compared<'_> {
     }
 }
 
-/// Every how many of the front bars the search starts from one: those of few courses are few.
-fn fronts_apart(courses: usize) -> usize {
-    if courses == 3 { 4 } else { 12 }
+/// All lappings of two bars.
+fn pairs(chains: &[Vec<Lap>]) -> impl Iterator<Item = Laps> {
+    chains
+        .iter()
+        .flat_map(move |front| chains.iter().map(move |back| vec![front.clone(), back.clone()]))
 }
 
 /// Two lists of lappings, the best first.

@@ -31,6 +31,10 @@ use warpknit_core::yarn::curve;
 pub(super) const NEEDLES: i32 = 4;
 /// Stitches of a bar: the directions of two laps, and the needles from the one to the other.
 const KINDS: usize = 28;
+/// Diameter of the yarns, of the yarn of which drafts are made. Nothing presses the stitches
+/// together as the relaxation does, so that they look like cloth of thicker yarn: at 1, fewer
+/// lappings were found.
+const THICKNESS: f64 = 0.85;
 /// Courses of the buffer in which a stitch is drawn: it reaches over three.
 const TALL: usize = 6;
 /// Rows of the buffer to a course.
@@ -64,7 +68,7 @@ impl Stitches {
     /// The stitches of cloth whose courses are `proportion` wale spacings high.
     pub(super) fn new(proportion: f64) -> Option<Self> {
         let like = full_bars(&["1-0/0-1".to_owned(), "1-0/0-1".to_owned()]).ok()?;
-        let fabric = proportioned(&like, proportion, 1.0);
+        let fabric = proportioned(&like, proportion, THICKNESS);
         let kinds: Vec<[Vec<Vec<Spot>>; 2]> = (0..KINDS)
             .into_par_iter()
             .map(|kind| [Face::Front, Face::Back].map(|face| drawn(&fabric, kind, face)))
