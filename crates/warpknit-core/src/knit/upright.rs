@@ -39,8 +39,8 @@ impl Pattern {
 ///
 /// ```
 /// use warpknit_core::{fabric::Fabric, knit::upright::leans};
-/// let leans = leans(&Fabric::named("tricot").unwrap());
-/// // The underlaps of a tricot pull its wale to and fro.
+/// let leans = leans(&Fabric::named("tricot-closed").unwrap());
+/// // The underlaps of its one bar pull the wale to and fro.
 /// assert!((leans[0] + leans[1]).length() < 1e-3 && leans[0].x.abs() > 0.01);
 /// ```
 #[must_use]

@@ -445,7 +445,7 @@ mod tests {
         assert_eq!(chains(3).len(), (64 - 27) * 8);
         let all: BTreeSet<Laps> =
             chains(3).into_iter().map(|chain| canonical(&vec![chain])).collect();
-        // 296 less the four that repeat after one course, over three, and those four.
+        // The two that repeat after one course stand alone, all others in threes.
         assert_eq!(all.len(), (296 - 2) / 3 + 2);
     }
 
