@@ -43,6 +43,23 @@ impl Fourier {
         grid
     }
 
+    /// The spectra of two planes of real values, by one transform.
+    pub(crate) fn spectra_of_two(&self, [one, other]: [&[f32]; 2]) -> [Vec<Complex32>; 2] {
+        let mut grid: Vec<_> =
+            one.iter().zip(other).map(|(one, other)| Complex32::new(*one, *other)).collect();
+        self.transform(&mut grid, &self.forward);
+        // Of a real plane, opposite frequencies are conjugate.
+        let opposite = |at: usize| {
+            let [x, y] = [at % self.width, at / self.width];
+            grid[(self.height - y) % self.height * self.width + (self.width - x) % self.width]
+        };
+        let pairs = grid.iter().enumerate().map(|(at, value)| (*value, opposite(at).conj()));
+        let half = Complex32::new(0.5, 0.0);
+        let minus_half_i = Complex32::new(0.0, -0.5);
+        let (one, other) = pairs.map(|(a, b)| ((a + b) * half, (a - b) * minus_half_i)).unzip();
+        [one, other]
+    }
+
     /// The plane of a spectrum, not divided by the number of values.
     pub(crate) fn inverse(&self, spectrum: &mut [Complex32]) {
         self.transform(spectrum, &self.inverse);
@@ -75,6 +92,21 @@ impl Fourier {
 mod tests {
     use super::*;
     use crate::plane::{double, float, narrow};
+
+    #[test]
+    fn two_planes_have_the_spectra_of_each() {
+        let fourier = Fourier::new(4, 6);
+        let values = |seed: usize| -> Vec<f32> {
+            (0..24).map(|at| float((at * at + seed * at) % 7)).collect()
+        };
+        let (one, other) = (values(1), values(3));
+        let both = fourier.spectra_of_two([&one, &other]);
+        for (found, values) in both.iter().zip([&one, &other]) {
+            for (a, b) in found.iter().zip(fourier.spectrum(values)) {
+                assert!((a - b).norm() < 1e-4);
+            }
+        }
+    }
 
     #[test]
     fn a_wave_is_one_line_and_comes_back() {

@@ -129,6 +129,11 @@ impl WaleLattice {
         lattice
     }
 
+    /// By how much each control point lies beside that of another lattice of the same repeat, mm.
+    pub(super) fn moved_from(&self, other: &Self) -> Vec<DVec2> {
+        self.nodes.iter().zip(&other.nodes).map(|(own, other)| *own - *other).collect()
+    }
+
     /// The springs and masses of a fabric, at rest on the straight lattice.
     fn model(&self, knit: &WarpKnit) -> MassSpringModel {
         let course = self.course_spacing / self.wale_spacing;

@@ -29,6 +29,7 @@ mod repeat;
 pub mod run_in;
 mod stitch;
 pub mod strain;
+pub mod upright;
 pub mod weft;
 
 use std::ops::Range;

@@ -67,13 +67,6 @@ impl Candidate {
         }
     }
 
-    /// A key that its mirror image doesn't share, unless that is the same to the eye.
-    pub(super) fn handed(&self) -> Option<ClothKey> {
-        let knit = self.fabric.warp_knit()?;
-        let [wales, courses] = self.repeat();
-        Some(ClothKey::handed(knit, courses, wales, false))
-    }
-
     /// Wales and courses of its repeat.
     pub(super) fn repeat(&self) -> [usize; 2] {
         self.sketches[0].repeat

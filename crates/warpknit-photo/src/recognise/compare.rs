@@ -22,9 +22,8 @@ const RIDGE: [f64; CHANNELS] = [0.02, 0.3, 0.3, 0.3];
 #[derive(Clone)]
 pub(super) struct Template {
     spectra: [Vec<Complex32>; CHANNELS],
-    /// Inverse of the channels' products with each other.
-    inverse: DMat4,
-    gram: DMat4,
+    /// What products of the channels with a cell explain is this matrix between them.
+    explained: DMat4,
 }
 
 /// The best fit of a template to a cell.
@@ -57,9 +56,16 @@ impl CellSpectrum {
 impl Template {
     /// A sketch, blurred by a Gaussian of so many of its pixels.
     pub(super) fn new(fourier: &Fourier, sketch: &Sketch, blur: f64) -> Self {
-        let spectra = sketch.channels.each_ref().map(|plane| {
-            let mut spectrum = fourier.spectrum(&plane.values);
-            blurred(&mut spectrum, fourier, blur);
+        Self::of_channels(fourier, sketch.channels.each_ref().map(|plane| &plane.values[..]), blur)
+    }
+
+    /// The channels of a sketch, blurred in the same way.
+    pub(super) fn of_channels(fourier: &Fourier, channels: [&[f32]; CHANNELS], blur: f64) -> Self {
+        let [a, b, c, d] = channels;
+        let [[a, b], [c, d]] = [[a, b], [c, d]].map(|pair| fourier.spectra_of_two(pair));
+        let weights = Gaussian::new(fourier, blur);
+        let spectra = [a, b, c, d].map(|mut spectrum| {
+            weights.blur(&mut spectrum);
             // Means tell nothing: the photo's own is taken off.
             spectrum[0] = Complex32::default();
             spectrum
@@ -80,7 +86,9 @@ impl Template {
         for (at, ridge) in RIDGE.into_iter().enumerate() {
             gram[at][at] += ridge * gram[at][at] + 1e-9 * scale;
         }
-        Self { spectra, inverse: DMat4::from_cols_array_2d(&gram).inverse(), gram: plain }
+        // The light `l` that fits products `p` is `inverse p`, and it explains `2 l p - l plain l`.
+        let inverse = DMat4::from_cols_array_2d(&gram).inverse();
+        Self { spectra, explained: 2.0 * inverse - inverse * plain * inverse }
     }
 
     /// The best fit to a cell over all shifts.
@@ -110,8 +118,7 @@ impl Template {
             let product =
                 DVec4::new(first.re.into(), first.im.into(), second.re.into(), second.im.into())
                     * scale;
-            let light = self.inverse * product;
-            let explained = 2.0 * light.dot(product) - light.dot(self.gram * light);
+            let explained = product.dot(self.explained * product);
             if explained > best.explained {
                 best = Match { explained, shift: [at % fourier.width, at / fourier.width] };
             }
@@ -121,18 +128,29 @@ impl Template {
     }
 }
 
-/// A spectrum times that of a Gaussian.
-fn blurred(spectrum: &mut [Complex32], fourier: &Fourier, sigma: f64) {
-    let weights = |side: usize| -> Vec<f32> {
-        (0..side)
-            .map(|at| {
-                let frequency = double(at.min(side - at)) / double(side);
-                narrow((-2.0 * (std::f64::consts::PI * sigma * frequency).powi(2)).exp())
-            })
-            .collect()
-    };
-    let (across, down) = (weights(fourier.width), weights(fourier.height));
-    for (row, weight) in spectrum.chunks_exact_mut(fourier.width).zip(&down) {
-        row.iter_mut().zip(&across).for_each(|(value, other)| *value *= weight * other);
+/// The spectrum of a Gaussian.
+struct Gaussian {
+    across: Vec<f32>,
+    down: Vec<f32>,
+}
+
+impl Gaussian {
+    fn new(fourier: &Fourier, sigma: f64) -> Self {
+        let weights = |side: usize| -> Vec<f32> {
+            (0..side)
+                .map(|at| {
+                    let frequency = double(at.min(side - at)) / double(side);
+                    narrow((-2.0 * (std::f64::consts::PI * sigma * frequency).powi(2)).exp())
+                })
+                .collect()
+        };
+        Self { across: weights(fourier.width), down: weights(fourier.height) }
+    }
+
+    /// Multiplies a spectrum by it.
+    fn blur(&self, spectrum: &mut [Complex32]) {
+        for (row, weight) in spectrum.chunks_exact_mut(self.across.len()).zip(&self.down) {
+            row.iter_mut().zip(&self.across).for_each(|(value, other)| *value *= weight * other);
+        }
     }
 }

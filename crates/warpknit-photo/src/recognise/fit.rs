@@ -37,13 +37,14 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// Share that it explains of what all copies of its repeat have in common, the mean of all
-    /// photos.
+    /// Share that it explains of what copies of any repeat that was tried have in common, the mean
+    /// of all photos. The best repeat counts: one that is too short has less in common.
     pub(super) fn explained_of_common(&self, views: &[FaceView]) -> f64 {
-        let repeat = self.candidate.repeat();
-        let each = self.scores.iter().zip(views).map(|(score, view)| {
-            (score.explained / view.common(repeat, score.frame).max(1e-9)).min(1.0)
-        });
+        let each = self
+            .scores
+            .iter()
+            .zip(views)
+            .map(|(score, view)| (score.explained / view.most_common().max(1e-9)).min(1.0));
         each.sum::<f64>() / double(self.scores.len().max(1))
     }
 

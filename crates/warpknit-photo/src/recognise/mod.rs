@@ -24,6 +24,7 @@
 //! Not promised: the photo stands upright, wales within ten degrees of its columns.
 
 mod answer;
+mod bends;
 mod candidate;
 mod compare;
 mod fit;
@@ -32,6 +33,7 @@ mod picture;
 mod same;
 mod search;
 mod sketch;
+mod stitches;
 mod unfold;
 mod view;
 
@@ -155,6 +157,9 @@ const RELAXED: usize = 20;
 const FITTED: usize = 8;
 /// Lappings that are searched for if the catalogue leaves more than this unexplained.
 const SEARCHED_FROM: f64 = 0.09;
+/// Rounds in which lappings beside the best relaxed ones are tried, and beside how many of them.
+const CLIMBS: usize = 4;
+const BEAM: usize = 2;
 /// By how much more a lapping must explain than any of the catalogue: of cloths that look alike the
 /// known one is likelier.
 const PRIOR: f64 = 0.012;
@@ -216,12 +221,11 @@ fn fitted(
     let drafts = distinct(fit_all(views, &candidates), usize::MAX);
     let likely = &drafts[..RELAXED.min(drafts.len())];
     let mut fits = refine(views, likely, FITTED);
+    views.iter_mut().for_each(FaceView::fold_few_courses);
     let unexplained = fits.first().map_or(1.0, |best| 1.0 - best.explained_of_common(views));
     if settings.kinds != Kinds::Weft && unexplained > SEARCHED_FROM {
-        let lappings = distinct(search::search(views, &drafts), FITTED);
-        let known = |fit: &Fit| fits.iter().any(|other| other.candidate.key == fit.candidate.key);
-        let fresh: Vec<Fit> = lappings.into_iter().filter(|fit| !known(fit)).collect();
-        let refined = refine(views, &fresh, 3);
+        let mut refined = searched(views);
+        refined.retain(|fit| fits.iter().all(|other| other.candidate.key != fit.candidate.key));
         let best = fits.first().map_or(0.0, |fit| fit.explained);
         // A lapping of the search stays behind the catalogue unless it is clearly better.
         let clear = |fit: &Fit| fit.explained > best + PRIOR * best;
@@ -232,4 +236,22 @@ fn fitted(
         sort(&mut fits);
     }
     Ok(distinct(fits, usize::MAX))
+}
+
+/// The best lappings of two full bars, relaxed, the best first.
+fn searched(views: &mut [FaceView]) -> Vec<Fit> {
+    let mut search = search::Search::new(views);
+    let drafts = search.run(views);
+    let mut fits = distinct(refine(views, &drafts, 2), usize::MAX);
+    for _ in 0..CLIMBS {
+        let Some(best) = fits.first().map(|best| best.explained) else { break };
+        let near = search.near(views, &fits[..BEAM.min(fits.len())]);
+        fits.extend(refine(views, &near, 2));
+        sort(&mut fits);
+        fits = distinct(fits, usize::MAX);
+        if fits[0].explained <= best {
+            break;
+        }
+    }
+    fits
 }

@@ -23,7 +23,7 @@ use warpknit_core::yarn::curve;
 pub(super) const WALE: usize = 16;
 pub(super) const COURSE: usize = 12;
 /// Pixels of the height buffer along a pixel of the sketch.
-const FINE: usize = 2;
+pub(super) const FINE: usize = 2;
 /// Steps along and across a yarn, pixels of the height buffer. At 1 and more it shows holes.
 const STEP: f64 = 0.6;
 /// Depth below the highest yarns at which 1/e of the light is left, wale spacings.
@@ -51,35 +51,56 @@ pub(super) struct Sketch {
 
 /// What is seen at a place of the height buffer.
 #[derive(Clone, Copy)]
-struct Top {
-    height: f32,
+pub(super) struct Top {
+    pub(super) height: f32,
     /// The normal's part in the picture's plane, y down.
     lean: [f32; 2],
-    system: u8,
+    pub(super) system: u8,
 }
 
-struct HeightBuffer {
+/// Heights of a repeat, which wraps around at its sides.
+pub(super) struct HeightBuffer {
     width: usize,
     height: usize,
     /// Pixels a mm.
     scale: DVec2,
-    tops: Vec<Top>,
+    pub(super) tops: Vec<Top>,
+}
+
+impl Top {
+    /// Nothing is seen.
+    pub(super) const NOTHING: Self =
+        Self { height: f32::NEG_INFINITY, lean: [0.0; 2], system: NONE };
+
+    /// Its light in each channel, 1 for a height of `highest`. `wale` is the wale spacing.
+    pub(super) fn light(&self, highest: f32, wale: f64) -> [f32; CHANNELS] {
+        if self.system == NONE {
+            return [0.0; CHANNELS];
+        }
+        let dimming = narrow((DIMMING * wale).recip());
+        let sky = (-(highest - self.height).max(0.0) * dimming).exp();
+        let [x, y] = self.lean;
+        let up = (1.0 - x * x - y * y).max(0.0).sqrt();
+        [sky * (FLANK + (1.0 - FLANK) * up), sky * x, sky * y, sky]
+    }
+}
+
+impl Face {
+    /// A place as it is seen, y down, nearer ones higher. From the back, left is right and deep is
+    /// high.
+    pub(super) fn seen(self, p: DVec3) -> DVec3 {
+        match self {
+            Self::Front => DVec3::new(p.x, -p.y, p.z),
+            Self::Back => DVec3::new(-p.x, -p.y, -p.z),
+        }
+    }
 }
 
 impl Sketch {
     /// The repeat as seen from a face.
     pub(super) fn new(fabric: &Fabric, pattern: &Pattern, face: Face) -> Self {
         let repeat = [fabric.threading_repeat(), fabric.repeat()];
-        let [width, height] = [repeat[0] * WALE * FINE, repeat[1] * COURSE * FINE];
-        let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
-        let cells = DVec2::new(double(WALE * FINE), double(COURSE * FINE));
-        let nothing = Top { height: f32::NEG_INFINITY, lean: [0.0; 2], system: NONE };
-        let mut buffer = HeightBuffer {
-            width,
-            height,
-            scale: cells / spacing,
-            tops: vec![nothing; width * height],
-        };
+        let mut buffer = HeightBuffer::new(fabric, repeat);
         let radius = fabric.radius();
         for (system, thickness) in fabric.thickness().into_iter().enumerate() {
             buffer.draw(fabric, pattern, system, radius * thickness, face);
@@ -104,6 +125,15 @@ impl Sketch {
 }
 
 impl HeightBuffer {
+    /// The empty buffer of so many wales and courses of a fabric.
+    pub(super) fn new(fabric: &Fabric, [wales, courses]: [usize; 2]) -> Self {
+        let [width, height] = [wales * WALE * FINE, courses * COURSE * FINE];
+        let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+        let cells = DVec2::new(double(WALE * FINE), double(COURSE * FINE));
+        let tops = vec![Top::NOTHING; width * height];
+        Self { width, height, scale: cells / spacing, tops }
+    }
+
     /// Draws all yarns of a system.
     fn draw(&mut self, fabric: &Fabric, pattern: &Pattern, system: usize, radius: f64, face: Face) {
         let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
@@ -111,17 +141,12 @@ impl HeightBuffer {
             [fabric.threading_repeat(), fabric.repeat()].map(|count| i64::from(index32(count)));
         let [yarns, steps] =
             if pattern.runs_across(system) { [repeat[1], repeat[0]] } else { repeat };
-        // Seen from the back, left is right and deep is high.
-        let seen = |p: DVec3| match face {
-            Face::Front => DVec3::new(p.x, -p.y, p.z),
-            Face::Back => DVec3::new(-p.x, -p.y, -p.z),
-        };
         let mut knitted = Knitted::default();
         for number in (0..yarns).filter(|&number| pattern.has_yarn(system, number)) {
             knitted.clear();
             // A step more at both ends shapes the first and the last span.
             pattern.lay(system, number, -1..steps + 1, &mesh, &mut knitted);
-            let points: Vec<DVec3> = knitted.points.iter().map(|&point| seen(point)).collect();
+            let points: Vec<DVec3> = knitted.points.iter().map(|&point| face.seen(point)).collect();
             let name = u8::try_from(system).unwrap_or(NONE - 1);
             for at in 1..points.len().saturating_sub(2) {
                 self.draw_span(&curve::span(&points, at), radius, name);
@@ -130,7 +155,7 @@ impl HeightBuffer {
     }
 
     /// Draws a span of a yarn as a round tube.
-    fn draw_span(&mut self, span: &curve::Span, radius: f64, system: u8) {
+    pub(super) fn draw_span(&mut self, span: &curve::Span, radius: f64, system: u8) {
         let finest = self.scale.max_element();
         let along = steps(span.length() * finest / STEP);
         let across = steps(2.0 * radius * finest / STEP).max(4);
@@ -169,16 +194,6 @@ impl HeightBuffer {
         let mut heights: Vec<f32> =
             self.tops.iter().filter(|top| top.system != NONE).map(|top| top.height).collect();
         let highest = percentile(&mut heights, TOP);
-        let dimming = narrow((DIMMING * wale).recip());
-        let light = |top: &Top| -> [f32; CHANNELS] {
-            if top.system == NONE {
-                return [0.0; CHANNELS];
-            }
-            let sky = (-(highest - top.height).max(0.0) * dimming).exp();
-            let [x, y] = top.lean;
-            let up = (1.0 - x * x - y * y).max(0.0).sqrt();
-            [sky * (FLANK + (1.0 - FLANK) * up), sky * x, sky * y, sky]
-        };
         let (width, height) = (self.width / FINE, self.height / FINE);
         let fine = |x: usize, y: usize| {
             (0..FINE * FINE).map(move |at| {
@@ -191,7 +206,10 @@ impl HeightBuffer {
             height,
             values: (0..width * height)
                 .map(|at| {
-                    fine(at % width, at / width).map(|top| light(top)[channel]).sum::<f32>() * share
+                    fine(at % width, at / width)
+                        .map(|top| top.light(highest, wale)[channel])
+                        .sum::<f32>()
+                        * share
                 })
                 .collect(),
         });

@@ -17,6 +17,8 @@ pub(super) struct Sheet {
     first: [i64; 2],
     /// Without a value where the photo ends.
     values: Vec<Option<f32>>,
+    /// How many of them have one.
+    count: usize,
     /// Mean of the squares.
     power: f32,
 }
@@ -52,12 +54,13 @@ impl Sheet {
             })
             .collect();
         let known = values.iter().flatten();
-        let count = float(known.clone().count().max(1));
+        let known_count = known.clone().count();
+        let count = float(known_count.max(1));
         let mean = known.clone().sum::<f32>() / count;
         let power = known.map(|value| (value - mean).powi(2)).sum::<f32>() / count;
         #[expect(clippy::cast_possible_truncation, reason = "some hundred wales at most")]
         let first = low.to_array().map(|at| at as i64);
-        Self { width, first, values, power }
+        Self { width, first, values, count: known_count, power }
     }
 
     /// All copies of a repeat, wales and courses, folded into one.
@@ -97,6 +100,6 @@ impl Sheet {
 
     /// How many copies of a repeat it shows.
     pub(super) fn copies(&self, repeat: [usize; 2]) -> f64 {
-        double(self.values.iter().flatten().count()) / double(repeat[0] * WALE * repeat[1] * COURSE)
+        double(self.count) / double(repeat[0] * WALE * repeat[1] * COURSE)
     }
 }

@@ -12,13 +12,14 @@ use image::imageops::crop_imm;
 use rayon::prelude::*;
 
 use super::Face;
+use super::bends::Bends;
 use super::compare::{CellSpectrum, Match, Template};
 use super::frames::{Frame, frames};
-use super::sketch::{COURSE, Sketch, WALE};
+use super::sketch::{CHANNELS, COURSE, Sketch, WALE};
 use super::unfold::Sheet;
 use crate::capture::lattice::Lattice;
 use crate::capture::plane::normalized_contrast;
-use crate::capture::register::{DisplacementField, register_in};
+use crate::capture::register::register_in;
 use crate::fourier::Fourier;
 use crate::plane::{Plane, double, float};
 
@@ -35,6 +36,9 @@ const BLUR: f32 = 1.0;
 /// photo's side.
 const WINDOW: [f64; 2] = [1.1, 0.11];
 
+/// The most courses of a lapping that is searched for.
+pub(super) const MOST_COURSES: usize = 4;
+
 /// A photo of a face.
 pub(super) struct FaceView {
     pub(super) face: Face,
@@ -42,7 +46,7 @@ pub(super) struct FaceView {
     sheets: Vec<Sheet>,
     /// For each frame the lattice by whose waves bends were taken off.
     lattice_of: Vec<usize>,
-    fields: Vec<DisplacementField>,
+    bends: Vec<Bends>,
     /// The photo's channels, linear light.
     channels: [Plane; 3],
     /// For each repeat that was asked for: its transforms, and its fold in each frame.
@@ -75,12 +79,12 @@ impl FaceView {
         let even = normalized_contrast(&lightness, SHADING * float(side));
         let smooth = even.smoothed(BLUR);
         let lattices = frames(&even);
-        let fields: Vec<DisplacementField> = lattices
+        let bends: Vec<Bends> = lattices
             .par_iter()
             .map(|(vectors, _)| {
                 let lattice = Lattice::reduced(vectors.x_axis, vectors.y_axis);
                 let sigma = (WINDOW[0] * lattice.longer()).min(WINDOW[1] * double(side));
-                register_in(&even, &lattice, sigma)
+                Bends::new(&register_in(&even, &lattice, sigma), even.width, even.height)
             })
             .collect();
         let of_lattices = lattices
@@ -91,10 +95,10 @@ impl FaceView {
         let sheets = frames
             .par_iter()
             .zip(&lattice_of)
-            .map(|(frame, at)| laid_out(&smooth, *frame, &fields[*at]))
+            .map(|(frame, at)| laid_out(&smooth, *frame, &bends[*at]))
             .collect();
         let channels = Plane::channels(photo);
-        Self { face, frames, sheets, lattice_of, fields, channels, folds: BTreeMap::new() }
+        Self { face, frames, sheets, lattice_of, bends, channels, folds: BTreeMap::new() }
     }
 
     /// Folds the photo into a repeat in all frames, unless that is done.
@@ -119,6 +123,17 @@ impl FaceView {
         self.folds.get(&sketch.repeat).map(|(fourier, _)| Template::new(fourier, sketch, blur))
     }
 
+    /// Channels of a sketch of a repeat, ready to be compared.
+    pub(super) fn template_of(
+        &self,
+        repeat: [usize; 2],
+        channels: [&[f32]; CHANNELS],
+        blur: f64,
+    ) -> Option<Template> {
+        let (fourier, _) = self.folds.get(&repeat)?;
+        Some(Template::of_channels(fourier, channels, blur))
+    }
+
     /// The best frames for a template of a repeat, among some of them, the best first.
     pub(super) fn scores(
         &self,
@@ -140,9 +155,9 @@ impl FaceView {
 
     /// The mean colour of all copies of a repeat in a frame, linear light.
     pub(super) fn mean_colors(&self, repeat: [usize; 2], frame: usize) -> Vec<DVec3> {
-        let field = &self.fields[self.lattice_of[frame]];
+        let bends = &self.bends[self.lattice_of[frame]];
         let [red, green, blue] = self.channels.each_ref().map(|channel| {
-            let fold = laid_out(channel, self.frames[frame], field).fold(repeat);
+            let fold = laid_out(channel, self.frames[frame], bends).fold(repeat);
             let mean = fold.mean;
             fold.values.into_iter().map(move |value| f64::from(value + mean))
         });
@@ -152,6 +167,19 @@ impl FaceView {
     /// The mean of all copies of a repeat in a frame.
     pub(super) fn mean_cell(&self, repeat: [usize; 2], frame: usize) -> Vec<f32> {
         self.sheets[frame].fold(repeat).values
+    }
+
+    /// Folds the photo into the repeats of one wale and few courses.
+    pub(super) fn fold_few_courses(&mut self) {
+        (1..=MOST_COURSES).for_each(|courses| self.fold([1, courses]));
+    }
+
+    /// The largest share that copies of any repeat have in common.
+    pub(super) fn most_common(&self) -> f64 {
+        let repeats = self.folds.keys();
+        let all = repeats
+            .flat_map(|repeat| (0..self.frames.len()).map(|frame| self.common(*repeat, frame)));
+        all.fold(0.0, f64::max)
     }
 
     /// The share of its variance that copies of a repeat have in common in a frame. What noise alone
@@ -171,7 +199,7 @@ fn middle(photo: &RgbImage) -> RgbImage {
 }
 
 /// A photo in a frame, its bends taken off.
-fn laid_out(plane: &Plane, frame: Frame, field: &DisplacementField) -> Sheet {
+fn laid_out(plane: &Plane, frame: Frame, bends: &Bends) -> Sheet {
     let middle = 0.5 * DVec2::new(double(plane.width - 1), double(plane.height - 1));
-    Sheet::new(plane, frame, |at: DVec2| field.displaced(at + middle) - middle)
+    Sheet::new(plane, frame, |at: DVec2| bends.displaced(at + middle) - middle)
 }

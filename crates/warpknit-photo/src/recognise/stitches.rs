@@ -1,0 +1,235 @@
+//! Stitches of fully threaded bars, drawn once and put together to any lapping.
+//!
+//! In: the proportion of courses to wales, and laps of one or two full bars. Out: the channels of a
+//! sketch, as [`super::sketch`] makes them of a draft, some twenty times faster.
+//!
+//! Method: on straight wales a stitch (a loop and the underlap to the next one) depends on its
+//! bar, the direction of its lap, that of the next lap, and the needles between them: 28 stitches a
+//! bar. Each is drawn into a height buffer of its own. A lapping is the highest of its stitches at
+//! each place. Then rows are moved as the wales bend. All wales of full bars are alike, so that a
+//! repeat is one wale wide and needles count by their differences only.
+//!
+//! Cost: a look at some hundred places a stitch. Not promised: the picture of a
+//! draft. A channel of light of an irregular lapping's face correlates with a draft's by 0.5 only.
+
+use std::collections::BTreeMap;
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use super::Face;
+use super::candidate::{full_bars, proportioned};
+use super::sketch::{CHANNELS, COURSE, FINE, HeightBuffer, NONE, WALE};
+use crate::plane::{double, narrow};
+use warpknit_core::fabric::Fabric;
+use warpknit_core::knit::mesh::StructureMesh;
+use warpknit_core::knit::upright::leans;
+use warpknit_core::knit::{Knitted, Pattern};
+use warpknit_core::yarn::curve;
+
+/// Needles that a bar's laps may reach over.
+pub(super) const NEEDLES: i32 = 4;
+/// Stitches of a bar: the directions of two laps, and the needles from the one to the other.
+const KINDS: usize = 28;
+/// Diameter of the yarns, of the yarn of which drafts are made. Nothing presses the stitches
+/// together as the relaxation does, so that they look like cloth of thicker yarn: at 1, fewer
+/// lappings were found.
+const THICKNESS: f64 = 0.85;
+/// Courses of the buffer in which a stitch is drawn: it reaches over three.
+const TALL: usize = 6;
+/// Rows of the buffer to a course.
+const ROWS: usize = COURSE * FINE;
+const COLUMNS: usize = WALE * FINE;
+
+/// A lap: its needle, and whether it goes to higher gaps.
+pub(super) type Lap = (i32, bool);
+/// The laps of all bars, front first: one or two bars of the same number of courses.
+pub(super) type Laps = Vec<Vec<Lap>>;
+
+/// A place of a stitch.
+struct Spot {
+    row: i32,
+    column: usize,
+    height: f32,
+    light: [f32; CHANNELS],
+}
+
+/// The stitches of two full bars.
+pub(super) struct Stitches {
+    fabric: Fabric,
+    /// From the face and from the back, for each bar and each kind.
+    drawn: [Vec<Vec<Spot>>; 2],
+    /// By how much wales bend in each course, of the size of a wale and a course, for the needles
+    /// of all bars.
+    bends: BTreeMap<Vec<Vec<i32>>, Vec<DVec2>>,
+}
+
+impl Stitches {
+    /// The stitches of cloth whose courses are `proportion` wale spacings high.
+    pub(super) fn new(proportion: f64) -> Option<Self> {
+        let like = full_bars(&["1-0/0-1".to_owned(), "1-0/0-1".to_owned()]).ok()?;
+        let fabric = proportioned(&like, proportion, THICKNESS);
+        let kinds: Vec<[Vec<Vec<Spot>>; 2]> = (0..KINDS)
+            .into_par_iter()
+            .map(|kind| [Face::Front, Face::Back].map(|face| drawn(&fabric, kind, face)))
+            .collect();
+        let mut all: [Vec<Vec<Spot>>; 2] = [Vec::new(), Vec::new()];
+        for kind in kinds {
+            for (to, own) in all.iter_mut().zip(kind) {
+                to.extend(own);
+            }
+        }
+        Some(Self { fabric, drawn: all, bends: BTreeMap::new() })
+    }
+
+    /// Computes how wales bend in some lappings, unless that is known.
+    pub(super) fn prepare(&mut self, all: &[Laps]) {
+        let mut fresh: Vec<Vec<Vec<i32>>> =
+            all.iter().map(needles).filter(|own| !self.bends.contains_key(own)).collect();
+        fresh.sort();
+        fresh.dedup();
+        let like = &self.fabric;
+        let spacing = DVec2::new(like.wale_spacing(), like.course_spacing());
+        let bends: Vec<Vec<DVec2>> = fresh
+            .par_iter()
+            .map(|own| {
+                let laps: Laps = own
+                    .iter()
+                    .map(|bar| bar.iter().map(|needle| (*needle, true)).collect())
+                    .collect();
+                let chains: Vec<String> = laps.iter().map(|bar| super::search::text(bar)).collect();
+                let fabric = like.clone().with_chains(&chains, &[]);
+                fabric.map_or_else(
+                    |_| Vec::new(),
+                    |fabric| leans(&fabric).into_iter().map(|lean| lean / spacing).collect(),
+                )
+            })
+            .collect();
+        self.bends.extend(fresh.into_iter().zip(bends));
+    }
+
+    /// The channels of a lapping's repeat as seen from a face. Lappings that were not prepared stand
+    /// upright.
+    pub(super) fn channels(&self, laps: &Laps, face: Face) -> [Vec<f32>; CHANNELS] {
+        let courses = laps[0].len();
+        let height = ROWS * courses;
+        let mut heights = vec![f32::NEG_INFINITY; COLUMNS * height];
+        let mut lights = vec![[0.0_f32; CHANNELS]; COLUMNS * height];
+        let drawn = &self.drawn[usize::from(face == Face::Back)];
+        let rows = i32::try_from(height).expect("a few courses");
+        for (bar, own) in laps.iter().enumerate() {
+            for (course, lap) in own.iter().enumerate() {
+                let kind = kind(*lap, own[(course + 1) % courses]);
+                let up = i32::try_from(course * ROWS).expect("a few courses");
+                for spot in &drawn[2 * kind + bar] {
+                    let row = (spot.row - up).rem_euclid(rows);
+                    let row = usize::try_from(row).expect("a remainder is not negative");
+                    let at = row * COLUMNS + spot.column;
+                    if spot.height > heights[at] {
+                        heights[at] = spot.height;
+                        lights[at] = spot.light;
+                    }
+                }
+            }
+        }
+        bent(&lights, self.bends.get(&needles(laps)).map_or(&[], |bends| bends), face)
+    }
+}
+
+/// The needles of all bars, from each bar's first lap on.
+fn needles(laps: &Laps) -> Vec<Vec<i32>> {
+    laps.iter().map(|bar| bar.iter().map(|(needle, _)| needle - bar[0].0).collect()).collect()
+}
+
+/// The number of a lap's stitch.
+fn kind((needle, up): Lap, (next, next_up): Lap) -> usize {
+    let across = usize::try_from(next - needle + NEEDLES - 1).expect("laps are in reach");
+    (usize::from(up) * 7 + across) * 2 + usize::from(next_up)
+}
+
+/// The stitches of a kind of both bars.
+fn drawn(like: &Fabric, kind: usize, face: Face) -> Vec<Vec<Spot>> {
+    let across = i32::try_from(kind / 2 % 7).expect("a few needles") + 1 - NEEDLES;
+    let laps = [(0, kind / 14 == 1), (across, kind % 2 == 1)];
+    let chain = super::search::text(&laps);
+    let Ok(fabric) = like.clone().with_chains(&[chain.clone(), chain], &[]) else {
+        return vec![Vec::new(), Vec::new()];
+    };
+    let Some(pattern) = Pattern::upright(&fabric) else { return vec![Vec::new(), Vec::new()] };
+    let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
+    let bars = fabric.thickness().into_iter().enumerate();
+    bars.map(|(bar, thickness)| {
+        let mut knitted = Knitted::default();
+        let [first, end] = [-1..0, 0..1].map(|steps| {
+            pattern.lay(bar, 0, steps, &mesh, &mut knitted);
+            knitted.points.len()
+        });
+        pattern.lay(bar, 0, 1..2, &mesh, &mut knitted);
+        let points: Vec<_> = knitted.points.iter().map(|&point| face.seen(point)).collect();
+        let mut buffer = HeightBuffer::new(&fabric, [1, TALL]);
+        for at in first..end {
+            buffer.draw_span(&curve::span(&points, at), fabric.radius() * thickness, 0);
+        }
+        let spots = buffer.tops.iter().enumerate().filter(|(_, top)| top.system != NONE);
+        let wale = fabric.wale_spacing();
+        spots
+            .map(|(at, top)| {
+                let row = at / COLUMNS;
+                let tall = if row >= TALL * ROWS / 2 { TALL * ROWS } else { 0 };
+                let [row, tall] = [row, tall].map(|row| i32::try_from(row).expect("a few rows"));
+                // The highest yarns' light only scales all channels.
+                let light = top.light(narrow(0.5 * wale), wale);
+                Spot { row: row - tall, column: at % COLUMNS, height: top.height, light }
+            })
+            .collect()
+    })
+    .collect()
+}
+
+/// The light of a repeat at the resolution of sketches, its rows moved as wales bend.
+fn bent(lights: &[[f32; CHANNELS]], bends: &[DVec2], face: Face) -> [Vec<f32>; CHANNELS] {
+    let rows = lights.len() / COLUMNS;
+    let mut channels = [(); CHANNELS].map(|()| vec![0.0_f32; lights.len() / (FINE * FINE)]);
+    let share = 1.0 / narrow(double(FINE * FINE));
+    for row in 0..rows {
+        let bend = bend_at(bends, -(double(row) + 0.5) / double(ROWS));
+        let right = match face {
+            Face::Front => bend.x,
+            Face::Back => -bend.x,
+        };
+        let from = moved(row, bend.y * double(ROWS), rows) * COLUMNS;
+        let to = row / FINE * WALE;
+        for column in 0..COLUMNS {
+            let light = &lights[from + moved(column, -right * double(COLUMNS), COLUMNS)];
+            for (channel, light) in channels.iter_mut().zip(light) {
+                channel[to + column / FINE] += share * light;
+            }
+        }
+    }
+    channels
+}
+
+/// A place moved by the nearest whole number, around `count` of them.
+fn moved(at: usize, by: f64, count: usize) -> usize {
+    #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
+    let by = by.round() as i64;
+    let [at, count] = [at, count].map(|at| i64::try_from(at).expect("some hundred pixels"));
+    usize::try_from((at + by).rem_euclid(count)).expect("a remainder is not negative")
+}
+
+/// The bend at a place along the wale, courses: a Catmull-Rom curve through those of the courses.
+fn bend_at(bends: &[DVec2], course: f64) -> DVec2 {
+    if bends.is_empty() {
+        return DVec2::ZERO;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "a few courses")]
+    let below = course.floor() as i64;
+    let t = course - course.floor();
+    let count = i64::try_from(bends.len()).expect("a few courses");
+    let [p0, p1, p2, p3] = [-1, 0, 1, 2].map(|step| {
+        let at = (below + step).rem_euclid(count);
+        bends[usize::try_from(at).expect("a remainder is not negative")]
+    });
+    let (a, b, c) = (3.0 * p1 - p0 - 3.0 * p2 + p3, 2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3, p2 - p0);
+    p1 + 0.5 * (((a * t) + b) * t + c) * t
+}
