@@ -128,14 +128,17 @@ pub(super) const LAYER_RADII: f32 = 12.0;
 /// It is a logistic curve, fitted to the result of traced rays on tricot and locknit from three
 /// sides. The fit has a root mean square error of 0.13 for a visibility that varies by 0.26. Yarn
 /// of another layer, seen through a hole, has the visibility of a cloth's middle, 0.5.
-#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the twin of a shader's function"))]
+///
+/// The shader draws with it. The test that compares both needs its twin.
+#[cfg(all(test, feature = "gpu"))]
 pub(super) fn sky_visibility(before: Option<f32>, cover: f32, cosine: f32, is_ribbon: bool) -> f32 {
     let [across, facing] = SKY_FACING;
     (sky_level(before, cover, is_ribbon) * (across + facing * cosine)).clamp(0.0, 1.0)
 }
 
-/// The part of [`sky_visibility`] that does not depend on the normal. The processor's renderer fits
-/// the rest to each picture (`cpu/splat/sky`).
+/// Visibility of the sky among neighbouring yarns, for a normal that is not known: what the shader's
+/// `sky_visibility` takes. The processor's renderer fits the rest to each picture
+/// (`cpu/splat/fit.rs`).
 pub(super) fn sky_level(before: Option<f32>, cover: f32, is_ribbon: bool) -> f32 {
     // Depths where half of the sky is visible, and the slope, both from the fit.
     let middle = if is_ribbon { -0.35 } else { 0.065 };

@@ -113,7 +113,8 @@ struct Active {
 impl Active {
     /// A yarn whose spans all may move.
     fn whole(points: usize) -> Self {
-        Self { spans: vec![1..points.saturating_sub(2).max(1)], ..Self::default() }
+        let all = 1..points.saturating_sub(2).max(1);
+        Self { spans: std::iter::once(all).collect(), ..Self::default() }
     }
 
     /// Leaves only the spans around tight pairs to be moved.

@@ -1,7 +1,7 @@
 //! Stitches of fully threaded bars, drawn once and put together to any lapping.
 //!
 //! In: the proportion of courses to wales, and laps of one or two full bars. Out: the channels of a
-//! sketch, as [`super::sketch`] makes them of a draft, some twenty times faster.
+//! sketch, near those that [`super::sketch`] makes of a draft.
 //!
 //! Method: on straight wales a stitch (a loop and the underlap to the next one) depends on its
 //! bar, the direction of its lap, that of the next lap, and the needles between them: 28 stitches a

@@ -231,7 +231,7 @@ fn yarns_near(
         .collect();
     firsts.sort_unstable();
     firsts.dedup();
-    let looks = pieces.scene.looks.iter().map(|look| YarnLook { maps: None, ..look.clone() });
+    let looks = pieces.scene.looks.iter().map(|look| YarnLook { maps: None, ..*look });
     let mut scene = Scene { looks: looks.collect(), ..Scene::default() };
     let mut runs = firsts.chunk_by(|one, next| {
         // Blocks of a strand in a row; another strand's first block starts before the end of 16.

@@ -167,7 +167,7 @@ impl ShadowMap {
         let at = self.project(place);
         let before = at.z - self.depth(self.texel_at(at.truncate()));
         (before <= SKY_REACH_RADII * radius)
-            .then(|| before <= BIAS_TEXELS * self.texel + BIAS_RADII * radius)
+            .then_some(before <= BIAS_TEXELS * self.texel + BIAS_RADII * radius)
     }
 
     /// The texel at a place of the grid, clamped to its border.
