@@ -160,8 +160,11 @@ pub(super) fn sweep(blocks: &mut [Block], neighbours: &Neighbours) {
     let mut active: Vec<_> = panel.yarns.iter().map(whole).collect();
     let mut next = panel.places.clone();
     for sweep in 0..sweeps + LATE_SWEEPS {
-        let slices = slices_of(&mut next, &panel.yarns);
         let is_look = sweep % LOOK == 0;
+        if is_look && sweep >= sweeps && active.iter().all(|active| active.tight.is_empty()) {
+            break;
+        }
+        let slices = slices_of(&mut next, &panel.yarns);
         let aim = Aim::of(neighbours.target, sweep >= sweeps);
         panel.yarns.par_iter().zip(&mut active).zip(slices).for_each(|((yarn, active), own)| {
             if is_look {

@@ -5,9 +5,9 @@
 //!
 //! Method: knots are solved when they are first asked for, each from a fixed neighbour nearer to
 //! flat cloth, so its value depends on nothing but the fabric. Where the yarn would have to stretch,
-//! or a loop would leave its old one, the cloth is locked, and the offsets stay those of the strain at which it locks on the straight
-//! line from the flat state. Source: Sperl, Narain and Wojtan 2021, "Mechanics-aware deformation of
-//! yarn pattern geometry".
+//! or a loop would leave its old one, the cloth is locked, and the offsets stay those of the strain
+//! at which it locks on the straight line from the flat state. Source: Sperl, Narain and Wojtan
+//! 2021, "Mechanics-aware deformation of yarn pattern geometry".
 //!
 //! Cost: some ten milliseconds a knot for two bars, 20 ns a lookup. Not promised: that a state is
 //! the only one of its strain.
