@@ -201,3 +201,29 @@ fn swept_yarns_are_measured_within_the_run() {
     assert!((within.yarn_length / before.yarn_length - 1.0).abs() < 5e-4, "{within:?} {before:?}");
     assert!(within.below_95 < 0.2 * before.below_95, "{within:?} {before:?}");
 }
+
+/// A square folded in half with a radius on the body.
+fn folded(radius: f64) -> Garment {
+    let half = std::f64::consts::FRAC_PI_2 * radius;
+    square(move |p| {
+        let along = p.x - 500.0;
+        let beyond = (along.abs() - half).max(0.0) * along.signum();
+        let angle = (along - beyond) / radius;
+        let [sine, cosine] = [angle.sin(), angle.cos()];
+        DVec3::new(radius * cosine - beyond.abs(), p.y, radius * sine)
+    })
+}
+
+#[test]
+fn yarns_that_a_fold_brings_together_are_moved_apart() {
+    // Loops reach some five radii to either side, so the inner side of the fold has no room.
+    let fabric = coarse("locknit", 0.3);
+    let garment = folded(5.0 * fabric.radius());
+    let cloth = Cloth::cover(&garment, &fabric).unwrap();
+    let [before, swept] = [false, true].map(|sweeps| {
+        let options = DrapeOptions { sweeps: Some(sweeps), ..DrapeOptions::default() };
+        measure_cloth(&cloth, &options, fabric.radius(), &mut |_| ())
+    });
+    assert!(before.share_below_95() > 0.05 && before.min_over_2r < 0.2, "{before:?}");
+    assert!(swept.share_below_95() < 0.005 && swept.min_over_2r > 0.6, "{swept:?}");
+}

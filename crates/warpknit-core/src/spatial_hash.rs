@@ -32,15 +32,6 @@ pub(crate) struct Sphere {
     pub(crate) reach: f32,
 }
 
-impl Sphere {
-    /// Whether two spheres meet.
-    #[inline]
-    pub(crate) fn meets(&self, other: &Self) -> bool {
-        let reach = self.reach + other.reach;
-        self.middle.distance_squared(other.middle) <= reach * reach
-    }
-}
-
 /// A row of cells along x: the lowest 16 bits of its y and z. Rows with the same bits are too far
 /// apart to be searched together.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
@@ -163,20 +154,23 @@ impl SpatialHash {
         self.things.iter().map(|(at, _)| *at)
     }
 
-    /// The numbers of the things whose spheres meet another, which lies anywhere.
-    pub(crate) fn around(&self, sphere: Sphere) -> impl Iterator<Item = u32> {
+    /// Finds the numbers of the things whose spheres meet another, which lies anywhere. Only the first
+    /// `most` candidates are looked at, or a few more.
+    pub(crate) fn around(&self, sphere: Sphere, most: usize, found: &mut Vec<u32>) {
+        found.clear();
         let (home, x) = self.cell(sphere.middle);
-        let rows = (-1..=1).flat_map(move |z| (-1..=1).map(move |y| home.beside(y, z)));
-        let slots = rows.flat_map(move |row| {
-            self.slots(row, [x - 1, x + 1]).into_iter().flatten().map(move |slot| (row, slot))
-        });
-        // Other rows may have the same hash; without the check their things would come twice or
-        // more.
-        slots
-            .filter(move |&(row, slot)| {
-                self.things[slot].1 == row && self.sphere(slot).meets(&sphere)
-            })
-            .map(|(_, slot)| self.things[slot].0)
+        let mut left = most;
+        for (y, z) in (-1..=1).flat_map(|z| (-1..=1).map(move |y| (y, z))) {
+            let row = home.beside(y, z);
+            for slots in self.slots(row, [x - 1, x + 1]) {
+                let slots = slots.start..slots.end.min(slots.start.saturating_add(left));
+                left -= slots.len();
+                self.meeting(&sphere, row, slots, found);
+            }
+        }
+        for slot in found {
+            *slot = self.things[*slot as usize].0;
+        }
     }
 
     /// Calls `meet` for each thing with those whose spheres meet its own, all by their slots. Each
@@ -261,6 +255,12 @@ fn floor(x: f32) -> i32 {
 mod tests {
     use super::*;
 
+    /// Whether two spheres meet.
+    fn meet(a: &Sphere, b: &Sphere) -> bool {
+        let reach = a.reach + b.reach;
+        a.middle.distance_squared(b.middle) <= reach * reach
+    }
+
     #[test]
     fn pairs_are_those_of_brute_force() {
         // Places without order, from a sequence of low discrepancy, on both sides of 0.
@@ -283,11 +283,15 @@ mod tests {
         let mut expected = Vec::new();
         for (at, a) in (0..).zip(&spheres) {
             let after = (0..).zip(&spheres).skip(at as usize + 1);
-            expected.extend(after.filter(|(_, b)| a.meets(b)).map(|(other, _)| (at, other)));
+            expected.extend(after.filter(|(_, b)| meet(a, b)).map(|(other, _)| (at, other)));
         }
         assert!(expected.len() > 100);
         assert_eq!(found, expected);
-        let around = spheres.iter().map(|a| hash.around(*a).count());
-        assert_eq!(around.sum::<usize>(), 2 * expected.len() + spheres.len());
+        let mut around = Vec::new();
+        let counts = spheres.iter().map(|sphere| {
+            hash.around(*sphere, usize::MAX, &mut around);
+            around.len()
+        });
+        assert_eq!(counts.sum::<usize>(), 2 * expected.len() + spheres.len());
     }
 }

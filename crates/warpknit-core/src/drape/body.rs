@@ -7,9 +7,8 @@
 use rayon::prelude::*;
 
 use super::strands::{CUT, Strands};
-use super::sweeps;
 use crate::garment::Garment;
-use crate::knit::strain::{Neighbours, StrainTable};
+use crate::knit::strain::{RepeatSpans, StrainTable};
 use crate::knit::{Knitted, Progress};
 use crate::map::relaxed::{StrainCounts, StrainedPanel};
 use crate::map::surface::SmoothSurface;
@@ -21,8 +20,8 @@ pub(super) struct Body<'a> {
     mapping: Mapping,
     /// The table, and the smooth surface of each panel, for [`Mapping::Relaxed`].
     relaxed: Option<(&'a StrainTable, Vec<SmoothSurface>)>,
-    /// The spans near each other in the repeat, if yarns are swept.
-    neighbours: Option<Neighbours>,
+    /// The spans of the repeat, if yarns are swept.
+    spans: Option<RepeatSpans>,
 }
 
 impl<'a> Body<'a> {
@@ -43,13 +42,13 @@ impl<'a> Body<'a> {
             table.prepare(strains, progress);
             (table, surfaces)
         });
-        let neighbours = table.filter(|_| is_swept).map(|table| table.neighbours(sweeps::NEAR));
-        Self { garment, mapping, relaxed, neighbours }
+        let spans = table.filter(|_| is_swept).map(StrainTable::spans);
+        Self { garment, mapping, relaxed, spans }
     }
 
     /// What sweeps need to know of the repeat. Nothing if yarns are not swept.
-    pub(super) fn swept(&self) -> Option<&Neighbours> {
-        self.neighbours.as_ref()
+    pub(super) fn swept(&self) -> Option<&RepeatSpans> {
+        self.spans.as_ref()
     }
 
     /// Maps the strands of a block on one panel.

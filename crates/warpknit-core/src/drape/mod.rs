@@ -22,6 +22,7 @@ mod cloth;
 pub mod fibres;
 mod lengths;
 pub mod seen;
+mod segments;
 pub mod sequence;
 pub mod strands;
 mod sweeps;
@@ -209,9 +210,9 @@ fn map_blocks(
 ) -> StrainCounts {
     announce(Stage::Map);
     blocks.par_iter_mut().for_each(|block| block.map(body));
-    if let Some(neighbours) = body.swept() {
+    if let Some(spans) = body.swept() {
         announce(Stage::Sweep);
-        sweeps::sweep(blocks, neighbours);
+        sweeps::sweep(blocks, spans);
     }
     let mut strain = StrainCounts::default();
     blocks.iter().filter(|block| !block.is_beside).for_each(|block| strain += block.strain);

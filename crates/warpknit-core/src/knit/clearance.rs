@@ -187,15 +187,17 @@ impl SampledPaths {
         (0..self.segments.len())
             .into_par_iter()
             .with_min_len(1024)
-            .map(|at| self.clearance_of(at, &hash, &repeat))
+            .map_init(Vec::new, |found, at| self.clearance_of(at, &hash, found, &repeat))
             .reduce(|| Clearance::FREE, Clearance::and)
     }
 
-    /// Compares one segment with all others nearby, if it lies in repeat (0, 0).
+    /// Compares one segment with all others nearby, if it lies in repeat (0, 0). `found` is memory
+    /// that is used again.
     fn clearance_of(
         &self,
         at: usize,
         hash: &SpatialHash,
+        found: &mut Vec<u32>,
         repeat: impl Fn(DVec3) -> I64Vec2,
     ) -> Clearance {
         let s = &self.segments[at];
@@ -204,7 +206,8 @@ impl SampledPaths {
             return clearance;
         }
         // Bounding spheres reject most candidates for a tenth of the work of a distance.
-        for other in hash.around(s.sphere()).take(MAX_CANDIDATES) {
+        hash.around(s.sphere(), MAX_CANDIDATES, found);
+        for &other in &*found {
             let other = other as usize;
             let t = &self.segments[other];
             let same_strand =

@@ -6,7 +6,6 @@
 
 use glam::{DVec2, DVec3, Vec3Swizzles};
 
-use super::neighbours::NearSpan;
 use super::rest::{Rest, RestSegment, RestSpan};
 use super::solver::StrainSolver;
 use crate::ids::index32;
@@ -62,11 +61,11 @@ impl StrainSolver<'_> {
     /// Builds the neighbour list.
     pub(super) fn build_list(&mut self) {
         self.list_points.clone_from(&self.points);
-        self.find_pairs(LIST_CUTOFF);
+        self.find_pairs();
     }
 
-    /// Finds all pairs of segments nearer than `cutoff` over touching.
-    fn find_pairs(&mut self, cutoff: f64) {
+    /// Finds all pairs of segments nearer than the cutoff.
+    fn find_pairs(&mut self) {
         let back = self.strain.inverse();
         let ends = |segment: &RestSegment| self.ends(segment);
         let middles: Vec<_> =
@@ -81,7 +80,7 @@ impl StrainSolver<'_> {
             ((back * middle.xy()).extend(middle.z), half * longer)
         });
         let balls: Vec<_> = balls.collect();
-        let list = CellList::new(&balls, self.rest.cell, 2.0 * cutoff * thickest * longer);
+        let list = CellList::new(&balls, self.rest.cell, 2.0 * LIST_CUTOFF * thickest * longer);
         let mut pairs = std::mem::take(&mut self.pairs);
         pairs.clear();
         for (a, one) in self.rest.segments.iter().enumerate() {
@@ -95,7 +94,7 @@ impl StrainSolver<'_> {
                 let [chain, other_chain] =
                     [yarn, other_yarn].map(|yarn| &self.rest.yarns[yarn].chain);
                 let touching = chain.radius + other_chain.radius;
-                let reach = cutoff * touching + halves[a] + halves[b];
+                let reach = LIST_CUTOFF * touching + halves[a] + halves[b];
                 let offset = self.offset(shift);
                 if (middles[b] + offset).distance_squared(middles[a]) > reach * reach
                     || (yarn == other_yarn
@@ -108,32 +107,12 @@ impl StrainSolver<'_> {
                     return;
                 }
                 let pair = Pair { a: index32(a), b: index32(b), shift, touching };
-                if self.contact(&pair, cutoff).is_some() {
+                if self.contact(&pair, LIST_CUTOFF).is_some() {
                     pairs.push(pair);
                 }
             });
         }
         self.pairs = pairs;
-    }
-
-    /// For each span those with a segment nearer than `cutoff` over touching, from both sides.
-    pub(super) fn near_spans(&mut self, cutoff: f64) -> Vec<Vec<NearSpan>> {
-        self.find_pairs(cutoff);
-        let mut near = vec![Vec::new(); self.rest.spans.len()];
-        for pair in &self.pairs {
-            let [a, b] = [pair.a, pair.b].map(|at| self.rest.segments[at as usize].span);
-            let cells = pair.shift.as_ivec2();
-            for (one, other, cells) in [(a, b, cells), (b, a, -cells)] {
-                let yarn = self.rest.spans[other as usize].yarn;
-                let partner = NearSpan { yarn, point: other, cells: cells.to_array() };
-                near[one as usize].push(partner);
-            }
-        }
-        for own in &mut near {
-            own.sort_unstable();
-            own.dedup();
-        }
-        near
     }
 
     /// For each point the points with which it shares residuals.

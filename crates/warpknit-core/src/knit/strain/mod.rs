@@ -16,11 +16,11 @@
 mod contacts;
 mod grid;
 mod link_check;
-mod neighbours;
 mod profile;
 pub mod pull;
 mod rest;
 mod solver;
+mod spans;
 mod stored;
 mod table;
 
@@ -33,8 +33,8 @@ use super::repeat::RepeatYarn;
 use super::{Pattern, YarnLength, as_vec, yarn_length};
 use crate::fabric::{Fabric, Structure};
 use link_check::LinkCheck;
-pub(crate) use neighbours::{NearSpan, Neighbours};
 use rest::{Rest, RestYarn};
+pub(crate) use spans::RepeatSpans;
 pub use table::{Lookup, StrainTable};
 
 /// Weights of the pull towards the flat shape. Without it the same strain reached in two ways gives

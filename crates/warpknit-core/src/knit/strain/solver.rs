@@ -17,7 +17,6 @@ use glam::{DMat2, DVec3, Vec3Swizzles};
 
 use super::Strain;
 use super::contacts::Pair;
-use super::neighbours::NearSpan;
 use super::profile::Profile;
 use super::rest::{Rest, RestSpan};
 use crate::knit::chain::blend;
@@ -343,9 +342,8 @@ pub(super) fn measure_rest(rest: &mut Rest) {
     rest.target = nearest.min(1.0);
 }
 
-/// For each span of the flat repeat those nearer than `cutoff` over touching, and how far its curve
-/// leaves its chord, mm.
-pub(super) fn near_spans(rest: &Rest, cutoff: f64) -> (Vec<Vec<NearSpan>>, Vec<f64>) {
+/// How far the curve of each span of the flat repeat leaves its chord, mm.
+pub(super) fn bulges(rest: &Rest) -> Vec<f64> {
     let mut solver = StrainSolver::new(rest);
     solver.sample();
     let bulge = |span: &RestSpan| {
@@ -357,8 +355,7 @@ pub(super) fn near_spans(rest: &Rest, cutoff: f64) -> (Vec<Vec<NearSpan>>, Vec<f
             .map(|at| (at - from).reject_from_normalized(way).length())
             .fold(0.0, f64::max)
     };
-    let bulges = rest.spans.iter().map(bulge).collect();
-    (solver.near_spans(cutoff), bulges)
+    rest.spans.iter().map(bulge).collect()
 }
 
 /// The state without strain.

@@ -10,31 +10,33 @@
 //! its length as mapped. Yarn held at its own length there would be pulled into its neighbours.
 //! Creases need more sweeps than the rest, so the last ones move only what is still too near.
 //!
-//! Method: position-based dynamics (Müller, Heidelberger, Hennix and Ratcliff 2007). Cloth is
-//! periodic, so a span's partners are those of its repeat, and no search is needed. Every sweep
-//! computes all contacts from the places before it and moves each yarn by itself, so the result is
-//! the same for any number of threads. Lengths are corrected along each yarn in turn.
+//! Method: position-based dynamics (Müller, Heidelberger, Hennix and Ratcliff 2007). The spans near
+//! each other are found on the body (`search`), since folds bring others together than lie side by
+//! side in flat cloth. Every sweep computes all contacts from the places before it and moves each
+//! yarn by itself, so the result is the same for any number of threads. Lengths are corrected along
+//! each yarn in turn.
 //!
-//! Cost: some 90 µs a stitch (300 without a table). All blocks of a panel are in memory meanwhile,
-//! some 2.7 kB a stitch. Not promised: cloth that lies on cloth.
+//! Cost: some 160 µs a stitch, and three times that without a table. All blocks of a panel are in memory meanwhile,
+//! some 1.8 kB a stitch. Not promised: cloth that lies on cloth.
+
+mod search;
 
 use std::array::from_fn;
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::Block;
 use super::strands::CUT;
 use crate::ids::index32;
 use crate::knit::YarnCopy;
-use crate::knit::strain::{NearSpan, Neighbours};
+use crate::knit::clearance::SAME_STRAND_RADII;
+use crate::knit::strain::RepeatSpans;
 use crate::map::Draped;
 use crate::yarn::curve;
+use search::SpanSearch;
 
-/// Cutoff of the partners of a span in the flat repeat, over touching. Strains of a fifth bring
-/// yarns nearer by some tenths of touching; with 1.5 some that meet in folds are missed.
-pub(super) const NEAR: f64 = 2.0;
 /// Number of sweeps after the table of strains.
 const SWEEPS: usize = 18;
 /// Number of further sweeps where yarns still lie nearer than [`TIGHT`] after those. Few do, so they
@@ -53,7 +55,7 @@ const TIGHT_REACH: usize = 10;
 /// were rubber. With 18, 2 % of a cabled sock's stitches are still over 2 % too long or too short.
 const LONE_SWEEPS: usize = 60;
 /// A sweep in so many looks for near spans; those between look at the pairs that were near then.
-const LOOK: usize = 6;
+const LOOK: usize = 9;
 /// Pairs nearer than this, over touching, are looked at again.
 const ACTIVE: f64 = 1.05;
 /// Share of its missing distance by which a contact moves each yarn. Neighbouring spans see the
@@ -71,8 +73,9 @@ const LONE_LENGTH_LIMIT: f64 = 0.5;
 const PARTS: usize = 3;
 /// Limit of the move of a point in one sweep, radii.
 const MAX_STEP: f64 = 0.2;
-/// Limit of the move of a point, radii: it stays where the cloth is.
-const MAX_MOVE: f64 = 2.0;
+/// Limit of the move of a point, radii: it stays where the cloth is. A tight fold of thick cloth
+/// needs some three.
+const MAX_MOVE: f64 = 4.0;
 
 /// One yarn of the panel.
 struct PanelYarn {
@@ -83,19 +86,20 @@ struct PanelYarn {
 
 /// All yarns of a panel.
 struct SweptPanel<'a> {
-    neighbours: &'a Neighbours,
+    repeat: &'a RepeatSpans,
     yarns: Vec<PanelYarn>,
-    /// For each yarn of the repeat: the first copy, and the number in `yarns` of each copy from
-    /// there on.
-    copies: Vec<(i64, Vec<Option<u32>>)>,
     /// Place of each data point; not a number for those off the panel.
     places: Vec<DVec3>,
+    /// Where each data point lies in the flat cloth.
+    flat: Vec<Vec3>,
     /// The places as mapped.
     mapped: Vec<DVec3>,
     /// Whether the cloth is strained too far at a place for loops to follow.
     is_overstrained: Vec<bool>,
     /// Length that the span from each place keeps, mm.
     lengths: Vec<f64>,
+    /// Length of yarn from its start to each place, mm.
+    along: Vec<f64>,
 }
 
 /// What sweeps do for one yarn until the next look.
@@ -153,31 +157,37 @@ struct SpanPair {
 }
 
 /// Moves the yarns of a panel apart.
-pub(super) fn sweep(blocks: &mut [Block], neighbours: &Neighbours) {
-    let sweeps = if neighbours.is_flat_only { LONE_SWEEPS } else { SWEEPS };
-    let mut panel = SweptPanel::new(blocks, neighbours);
+pub(super) fn sweep(blocks: &mut [Block], repeat: &RepeatSpans) {
+    let sweeps = if repeat.is_flat_only { LONE_SWEEPS } else { SWEEPS };
+    let mut panel = SweptPanel::new(blocks, repeat);
     let whole = |yarn: &PanelYarn| Active::whole(yarn.places.len());
     let mut active: Vec<_> = panel.yarns.iter().map(whole).collect();
     let mut next = panel.places.clone();
+    let mut search = SpanSearch::default();
     for sweep in 0..sweeps + LATE_SWEEPS {
         let is_look = sweep % LOOK == 0;
-        if is_look && sweep >= sweeps && active.iter().all(|active| active.tight.is_empty()) {
-            break;
+        if is_look {
+            if sweep >= sweeps && active.iter().all(|active| active.tight.is_empty()) {
+                break;
+            }
+            search.fill(&panel);
         }
         let slices = slices_of(&mut next, &panel.yarns);
-        let aim = Aim::of(neighbours.target, sweep >= sweeps);
-        panel.yarns.par_iter().zip(&mut active).zip(slices).for_each(|((yarn, active), own)| {
-            if is_look {
-                if sweep >= sweeps {
-                    active.narrow(own.len());
+        let aim = Aim::of(repeat.target, sweep >= sweeps);
+        panel.yarns.par_iter().zip(&mut active).zip(slices).enumerate().for_each(
+            |(number, ((yarn, active), own))| {
+                if is_look {
+                    if sweep >= sweeps {
+                        active.narrow(own.len());
+                    }
+                    active.is_idle = active.spans.is_empty();
+                    search.find_pairs(&panel, number, &active.spans, &mut active.pairs);
                 }
-                active.is_idle = active.spans.is_empty();
-                panel.find_pairs(yarn, &active.spans, &mut active.pairs);
-            }
-            if !active.is_idle {
-                panel.move_yarn(yarn, active, aim, own);
-            }
-        });
+                if !active.is_idle {
+                    panel.move_yarn(yarn, active, aim, own);
+                }
+            },
+        );
         std::mem::swap(&mut panel.places, &mut next);
         next.copy_from_slice(&panel.places);
     }
@@ -207,21 +217,23 @@ fn slices_of<'a, T>(all: &'a mut [T], yarns: &[PanelYarn]) -> Vec<&'a mut [T]> {
 }
 
 impl<'a> SweptPanel<'a> {
-    fn new(blocks: &[Block], neighbours: &'a Neighbours) -> Self {
+    fn new(blocks: &[Block], repeat: &'a RepeatSpans) -> Self {
         let mut panel = Self {
-            neighbours,
+            repeat,
             yarns: Vec::new(),
-            copies: vec![(0, Vec::new()); neighbours.yarns.len()],
             places: Vec::new(),
+            flat: Vec::new(),
             mapped: Vec::new(),
             is_overstrained: Vec::new(),
             lengths: Vec::new(),
+            along: Vec::new(),
         };
         for block in blocks {
             let start = panel.places.len();
             let end = start + block.knitted.points.len();
             panel.places.resize(end, DVec3::NAN);
             panel.is_overstrained.resize(end, false);
+            panel.flat.extend(block.knitted.points.iter().map(|point| point.as_vec3()));
             panel.add_places(block, start);
             panel.yarns.extend(block.yarns.iter().map(|yarn| {
                 let points = block.points_of(&yarn.stitches);
@@ -229,8 +241,8 @@ impl<'a> SweptPanel<'a> {
             }));
         }
         panel.mapped.clone_from(&panel.places);
-        panel.sort_copies();
         panel.lengths = panel.kept_lengths();
+        panel.along = panel.arc_lengths();
         panel
     }
 
@@ -257,7 +269,7 @@ impl<'a> SweptPanel<'a> {
                 let (point, _) = self.origin(yarn, span);
                 let has_to_stretch = is_overstrained[span] || is_overstrained[span + 1];
                 let control = control_points(mapped, span).filter(|_| has_to_stretch);
-                lengths[span] = control.map_or(self.neighbours.lengths[point], |control| {
+                lengths[span] = control.map_or(self.repeat.lengths[point], |control| {
                     curve::span(&control, 1).length()
                 });
             }
@@ -265,51 +277,17 @@ impl<'a> SweptPanel<'a> {
         lengths
     }
 
-    /// Finds the copies of each yarn of the repeat.
-    fn sort_copies(&mut self) {
-        for (yarn, (first, copies)) in self.copies.iter_mut().enumerate() {
-            let own = self.yarns.iter().filter(|copy| copy.copy.yarn == yarn);
-            let beside: Vec<_> = own.map(|copy| copy.copy.beside).collect();
-            let (Some(&low), Some(&high)) = (beside.iter().min(), beside.iter().max()) else {
-                continue;
-            };
-            *first = low;
-            copies.resize(usize::try_from(high - low + 1).expect("low is the least"), None);
-        }
-        for (number, yarn) in (0u32..).zip(&self.yarns) {
-            let (first, copies) = &mut self.copies[yarn.copy.yarn];
-            let at = usize::try_from(yarn.copy.beside - *first).expect("the first is the least");
-            copies[at] = Some(number);
-        }
-    }
-
-    /// Finds the spans that are near those of a yarn.
-    fn find_pairs(&self, yarn: &PanelYarn, spans: &[Range<usize>], pairs: &mut Vec<SpanPair>) {
-        pairs.clear();
-        let own = &self.places[yarn.places.clone()];
-        for span in spans.iter().cloned().flatten() {
-            let (point, along) = self.origin(yarn, span);
-            for near in &self.neighbours.near[point] {
-                let Some((number, other_span)) = self.partner(&yarn.copy, along, near) else {
-                    continue;
-                };
-                let other = &self.places[self.yarns[number as usize].places.clone()];
-                let Some(&[from, to]) = other.get(other_span..other_span + 2) else { continue };
-                let [one, radius] = [yarn.copy.yarn, near.yarn as usize]
-                    .map(|yarn| self.neighbours.yarns[yarn].chain.radius);
-                let touching = one + radius;
-                let bulges =
-                    self.neighbours.bulges[point] + self.neighbours.bulges[near.point as usize];
-                let reach = ACTIVE * touching + bulges;
-                // Bounding balls of the chords; a place off the panel is no number and not near.
-                let apart = own[span].midpoint(own[span + 1]).distance(from.midpoint(to));
-                let halves = (own[span].distance(own[span + 1]) + from.distance(to)) / 2.0;
-                if apart < reach + halves {
-                    let (span, other_span) = (index32(span), index32(other_span));
-                    pairs.push(SpanPair { span, other_yarn: number, other_span, touching, reach });
-                }
+    /// Length of yarn from the start of each yarn to its points.
+    fn arc_lengths(&self) -> Vec<f64> {
+        let mut along = vec![0.0; self.lengths.len()];
+        for yarn in &self.yarns {
+            let mut sum = 0.0;
+            for at in yarn.places.clone() {
+                along[at] = sum;
+                sum += self.lengths[at];
             }
         }
+        along
     }
 
     /// Moves one yarn by its contacts, then by its lengths. `own` are its places. Pairs that turn
@@ -326,13 +304,13 @@ impl<'a> SweptPanel<'a> {
             }
             ratio < ACTIVE
         });
-        let radius = self.neighbours.yarns[yarn.copy.yarn].chain.radius;
+        let radius = self.repeat.yarns[yarn.copy.yarn].chain.radius;
         if pushed {
             for (place, step) in own.iter_mut().zip(&moves) {
                 *place += step.clamp_length_max(MAX_STEP * radius);
             }
         }
-        let is_elastic = self.neighbours.yarns[yarn.copy.yarn].is_elastic;
+        let is_elastic = self.repeat.yarns[yarn.copy.yarn].is_elastic;
         let stretched = !is_elastic && self.keep_lengths(yarn, &active.spans, aim, own);
         active.is_idle = !pushed && !stretched;
         for (place, &mapped) in own.iter_mut().zip(&self.mapped[yarn.places.clone()]) {
@@ -342,11 +320,14 @@ impl<'a> SweptPanel<'a> {
 
     /// Adds to the moves of a yarn what a pair asks for. Returns its distance over touching.
     fn push_pair(&self, yarn: &PanelYarn, pair: &SpanPair, aim: Aim, moves: &mut [DVec3]) -> f64 {
-        let other = &self.yarns[pair.other_yarn as usize];
+        let other_yarn = &self.yarns[pair.other_yarn as usize];
         let control = control_points(&self.places[yarn.places.clone()], pair.span as usize);
-        let other = control_points(&self.places[other.places.clone()], pair.other_span as usize);
+        let other =
+            control_points(&self.places[other_yarn.places.clone()], pair.other_span as usize);
+        let may_touch =
+            |s, t| self.may_touch([(yarn, pair.span, s), (other_yarn, pair.other_span, t)]);
         let found = control.zip(other).and_then(|(control, other)| {
-            nearest_of_spans(&control, &other, pair.reach).map(|found| (control, found))
+            nearest_of_spans(&control, &other, pair.reach, may_touch).map(|found| (control, found))
         });
         let Some((control, (apart, t))) = found else { return f64::INFINITY };
         let distance = apart.length();
@@ -362,6 +343,17 @@ impl<'a> SweptPanel<'a> {
         distance / pair.touching
     }
 
+    /// Whether two places of yarn may touch, each a share of the way along its span: those close
+    /// along one yarn don't count.
+    fn may_touch(&self, places: [(&PanelYarn, u32, f64); 2]) -> bool {
+        let [(yarn, ..), (other, ..)] = places;
+        let [one, two] = places.map(|(yarn, span, share)| {
+            let at = yarn.places.start + span as usize;
+            self.along[at] + share * self.lengths[at]
+        });
+        yarn.places != other.places || (one - two).abs() > SAME_STRAND_RADII * self.radius(yarn)
+    }
+
     /// Corrects the lengths of a yarn's spans. Returns whether any was wrong.
     fn keep_lengths(
         &self,
@@ -370,7 +362,7 @@ impl<'a> SweptPanel<'a> {
         aim: Aim,
         own: &mut [DVec3],
     ) -> bool {
-        let limit = if self.neighbours.is_flat_only { LONE_LENGTH_LIMIT } else { LENGTH_LIMIT };
+        let limit = if self.repeat.is_flat_only { LONE_LENGTH_LIMIT } else { LENGTH_LIMIT };
         let lengths = &self.lengths[yarn.places.clone()];
         let mut any = false;
         for span in spans.iter().cloned().flatten() {
@@ -394,24 +386,14 @@ impl<'a> SweptPanel<'a> {
         (start + within, at.div_euclid(count))
     }
 
-    /// A partner of a span of a copy in its cell `along`, with its span.
-    fn partner(&self, copy: &YarnCopy, along: i64, near: &NearSpan) -> Option<(u32, usize)> {
-        let own = if copy.runs_across { [along, copy.beside] } else { [copy.beside, along] };
-        let [x, y] = [0, 1].map(|axis| own[axis] + i64::from(near.cells[axis]));
-        let (first, copies) = &self.copies[near.yarn as usize];
-        let runs_across = self.neighbours.yarns[near.yarn as usize].chain.runs_across();
-        let (beside, along) = if runs_across { (y, x) } else { (x, y) };
-        let at = usize::try_from(beside - first).ok()?;
-        let number = (*copies.get(at)?)?;
-        let (count, start) = self.points_of(near.yarn as usize);
-        let index = along * count + i64::from(near.point) - i64::from(index32(start));
-        let span = usize::try_from(index - self.yarns[number as usize].copy.first).ok()?;
-        Some((number, span))
+    /// Radius of a yarn, mm.
+    fn radius(&self, yarn: &PanelYarn) -> f64 {
+        self.repeat.yarns[yarn.copy.yarn].chain.radius
     }
 
     /// Number of data points of a yarn of the repeat, and the first of them.
     fn points_of(&self, yarn: usize) -> (i64, usize) {
-        let points = &self.neighbours.yarns[yarn].chain.points;
+        let points = &self.repeat.yarns[yarn].chain.points;
         (i64::from(index32(points.len())), points.start)
     }
 
@@ -438,8 +420,14 @@ fn control_points(own: &[DVec3], span: usize) -> Option<[DVec3; 4]> {
 }
 
 /// From the nearest point of the other span to that of the first, and where on the first that is.
-/// Nothing if their chords are farther apart than `reach`.
-fn nearest_of_spans(one: &[DVec3; 4], other: &[DVec3; 4], reach: f64) -> Option<(DVec3, f64)> {
+/// Nothing if their chords are farther apart than `reach`. Only parts that may touch count, each told
+/// by the places of its middle.
+fn nearest_of_spans(
+    one: &[DVec3; 4],
+    other: &[DVec3; 4],
+    reach: f64,
+    may_touch: impl Fn(f64, f64) -> bool,
+) -> Option<(DVec3, f64)> {
     let (s, t) = curve::nearest_of_segments([one[1], one[2]], [other[1], other[2]]);
     let apart = one[1].lerp(one[2], s) - other[1].lerp(other[2], t);
     if apart.length_squared() > reach * reach {
@@ -452,6 +440,9 @@ fn nearest_of_spans(one: &[DVec3; 4], other: &[DVec3; 4], reach: f64) -> Option<
     let mut best = (f64::INFINITY, 0.0, 0.0);
     for i in 0..PARTS {
         for j in 0..PARTS {
+            if !may_touch(knots[i].midpoint(knots[i + 1]), knots[j].midpoint(knots[j + 1])) {
+                continue;
+            }
             let (s, t) =
                 curve::nearest_of_segments([places[i], places[i + 1]], [others[j], others[j + 1]]);
             let apart = places[i].lerp(places[i + 1], s) - others[j].lerp(others[j + 1], t);
@@ -461,6 +452,6 @@ fn nearest_of_spans(one: &[DVec3; 4], other: &[DVec3; 4], reach: f64) -> Option<
             }
         }
     }
-    let (_, s, t) = best;
-    Some((one.at(s) - other.at(t), s))
+    let (squared, s, t) = best;
+    squared.is_finite().then(|| (one.at(s) - other.at(t), s))
 }
