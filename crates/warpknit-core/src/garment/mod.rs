@@ -21,7 +21,6 @@ use rayon::prelude::*;
 
 use crate::ids::FaceId;
 
-mod cursor;
 mod error;
 mod frames;
 mod gltf;

@@ -6,10 +6,10 @@
 
 use std::collections::HashMap;
 
-use super::super::cursor::Cursor;
 use super::packed::{numbers, unpacked};
 use super::values::Values;
 use super::{Attribute, CONVERT, DEEPEST, Prim, Stage, Value, is_needed};
+use crate::cursor::Cursor;
 
 /// The oldest version whose sections are in blocks.
 const OLDEST: u8 = 4;
