@@ -16,8 +16,9 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::file;
 use super::normals::{cross, normals};
-use super::obj::{self, ObjMesh};
+use super::obj::ObjMesh;
 use super::pair::{FlatSource, LARGEST, Pairs, two_files};
 use super::{Cloth, Garment, GarmentError, GarmentFiles, Panel, ReadOptions, Unit, winding};
 use crate::ids::index32;
@@ -96,7 +97,7 @@ impl Frames {
     pub fn pose(&self, garment: &mut Garment, frame: &Path) -> Result<Vec<String>, GarmentError> {
         // All new positions are collected before the garment changes, so that a bad frame leaves it
         // as it was. First the fast way, for a frame with the connectivity of the first drape.
-        let mesh = obj::read(frame)?;
+        let mesh = file::read(frame)?;
         let same = mesh.connectivity() == self.connectivity
             && mesh.positions.iter().all(|p| p.abs().max_element() <= LARGEST);
         let (draped, mut odd): (Vec<_>, _) = if same {

@@ -3,11 +3,11 @@
 //! In: one OBJ, glTF, USD or PLY with `vt`, or a flat and a draped one ([`read`]). Out: a
 //! [`Garment`] in millimetres, each [`Panel`] in axes of its own.
 //!
-//! The steps: `obj` parses the text into a mesh, `pair` pairs flat and draped triangles, `winding`
-//! turns round the faces that are wound against their neighbours, `pieces` finds the connected
-//! pieces and their planes, `unit` estimates units and scales, `panel` makes panels of the pieces,
-//! and `summary` says what was found and lost. `error` has the messages for everything that may be
-//! wrong with a file.
+//! The steps: `file` has the reader of its kind parse a file into a mesh, `pair` pairs flat and draped
+//! triangles, `winding` turns round the faces that are wound against their neighbours, `pieces` finds
+//! the connected pieces and their planes, `unit` estimates units and scales, `panel` makes panels of
+//! the pieces, and `summary` says what was found and lost. `error` has the messages for everything that
+//! may be wrong with a file.
 //!
 //! Cost: linear in the triangles; docs/performance.md has figures.
 //!
@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use crate::ids::FaceId;
 
 mod error;
+mod file;
 mod frames;
 mod gltf;
 mod json;
@@ -45,6 +46,7 @@ mod vertices;
 mod winding;
 
 pub use error::{ArrayFault, GarmentError, GarmentFault};
+pub use file::{file_of, moments};
 pub use frames::Frames;
 pub use summary::{GarmentSummary, MOST_LOSS, PanelSummary};
 pub use unit::{Unit, UnknownUnit};
@@ -245,9 +247,9 @@ impl<'a> GarmentFiles<'a> {
     ) -> Result<Self, GarmentError> {
         check(options)?;
         let Some(draped_path) = draped_path else {
-            return Self::pair(path, obj::read(path)?, None);
+            return Self::pair(path, file::read(path)?, None);
         };
-        let (flat, draped) = rayon::join(|| obj::read(path), || obj::read(draped_path));
+        let (flat, draped) = rayon::join(|| file::read(path), || file::read(draped_path));
         Self::pair(path, flat?, Some((draped_path, draped?)))
     }
 

@@ -6,6 +6,7 @@
 
 use super::Value;
 use super::packed::{long_numbers, numbers};
+use super::samples::{Between, mixed};
 use crate::cursor::{Cursor, Number, long};
 
 /// Marks of a word: an array, a value in the word itself, coded numbers.
@@ -22,6 +23,8 @@ pub(super) struct Values<'a> {
     pub(super) bytes: &'a [u8],
     /// The middle number of the format's version.
     pub(super) minor: u8,
+    /// The time whose values are wanted.
+    pub(super) time: Option<f64>,
     pub(super) tokens: Vec<&'a str>,
     /// Tokens that are strings.
     pub(super) strings: Vec<u32>,
@@ -42,6 +45,8 @@ enum Kind {
     Tokens,
     Samples,
     Specifier,
+    /// Doubles with their count, such as times.
+    Doubles,
 }
 
 impl Kind {
@@ -70,6 +75,7 @@ impl Kind {
             41 => Self::Tokens,
             42 => Self::Specifier,
             46 => Self::Samples,
+            48 => Self::Doubles,
             _ => return None,
         })
     }
@@ -101,8 +107,11 @@ impl Values<'_> {
                 let count = at.u64()?;
                 value.texts = self.texts(&mut at, count)?;
             }
-            Kind::Samples => return self.first_sample(word & PAYLOAD),
-            Kind::Token | Kind::String | Kind::Specifier => return None,
+            Kind::Doubles => {
+                let count = usize::try_from(at.u64()?).ok()?;
+                value.numbers = at.numbers(Number::F64, count)?;
+            }
+            Kind::Samples | Kind::Token | Kind::String | Kind::Specifier => return None,
         }
         Some(value)
     }
@@ -141,7 +150,7 @@ impl Values<'_> {
                 }
             }
             Kind::Specifier => value.numbers.push(payload.into()),
-            Kind::Turn(_) | Kind::Tokens | Kind::Samples => return None,
+            Kind::Turn(_) | Kind::Tokens | Kind::Samples | Kind::Doubles => return None,
         }
         Some(value)
     }
@@ -173,19 +182,27 @@ impl Values<'_> {
         Some(value)
     }
 
-    /// The first of the values over time. A jump counts from its own place.
-    fn first_sample(&self, place: u64) -> Option<Value> {
+    /// The times of the values over time, and the value of the one that is wanted. A jump counts from
+    /// its own place.
+    pub(super) fn sampled(&self, word: u64, is_smooth: bool) -> Option<(Vec<f64>, Value)> {
+        matches!(Kind::of(word >> 48 & 0xFF)?, Kind::Samples).then_some(())?;
         let jump = |place: u64| {
             let jump = Cursor::at(self.bytes, place)?.i64()?;
             place.checked_add_signed(jump)
         };
-        let times = jump(place)?;
-        let mut values = Cursor::at(self.bytes, jump(times.checked_add(8)?)?)?;
-        let count = values.u64()?;
-        let first = (count > 0).then(|| values.u64())??;
-        // Samples have no samples in them.
-        let is_nested = matches!(Kind::of(first >> 48 & 0xFF), Some(Kind::Samples));
-        (!is_nested).then(|| self.value(first))?
+        let times_place = jump(word & PAYLOAD)?;
+        let times = self.value(Cursor::at(self.bytes, times_place)?.u64()?)?.numbers;
+        let values_place = jump(times_place.checked_add(8)?)?;
+        let count = Cursor::at(self.bytes, values_place)?.u64()?;
+        (count == times.len() as u64).then_some(())?;
+        let value = |place: usize| {
+            let place = values_place.checked_add(8 * (place as u64 + 1))?;
+            self.value(Cursor::at(self.bytes, place)?.u64()?)
+        };
+        let Between { before, after, share } = Between::of(&times, self.time)?;
+        let own = value(before)?;
+        let is_between = is_smooth && share > 0.0;
+        Some((times, if is_between { mixed(own, &value(after)?, share) } else { own }))
     }
 
     /// The token of that number.
@@ -239,7 +256,8 @@ mod tests {
 
     #[test]
     fn words_hold_short_values() {
-        let values = Values { bytes: &[], minor: 8, tokens: vec!["", "Mesh"], strings: vec![1] };
+        let values =
+            Values { bytes: &[], minor: 8, time: None, tokens: vec!["", "Mesh"], strings: vec![1] };
         let word = |kind: u64, payload: u64| INLINED | kind << 48 | payload;
         let numbers = |word| values.value(word).unwrap().numbers;
         assert_eq!(numbers(word(9, 0.5_f32.to_bits().into())), [0.5]);
