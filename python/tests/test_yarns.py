@@ -168,7 +168,7 @@ def test_words_of_formats_are_the_flags_of_the_command(locknit: warpknit.Fabric,
     files = [tmp_path / f"cloth{ending}" for ending in (".usda", ".ply", ".obj", ".inp", ".glb")]
     swatch.save(*files, file_unit="m", up="z", usd_curves="linear", inp="abaqus", glb_precision="f32", nodes="yarn")
     usda, _, obj, inp, glb = (file.read_bytes() for file in files)
-    assert b"PhysicsCurvesDeformableSimAPI" in usda and b"*Contact Pair" in inp
+    assert b"PhysicsCurvesDeformableSimAPI" in usda and b"*CONTACT PAIR" in inp
     assert b'"yarn 0"' in glb and b"KHR_mesh_quantization" not in glb
     places = [[float(number) for number in line.split()[1:]] for line in obj.splitlines() if line.startswith(b"v ")]
     # Of a swatch, whose courses go up.

@@ -151,6 +151,59 @@ fn a_usd_file_that_moves_is_a_sequence() {
     assert!(message.contains("only USD files have times"), "{message}");
 }
 
+/// What GarmentCode writes: panels one after the other, whose `vt` are shrunk into the unit square by a
+/// factor of its own along each axis, and a JSON with the panels' outlines in cm.
+#[test]
+fn a_pattern_of_garmentcode_gives_its_obj_names_and_sizes() {
+    let folder = tempfile::tempdir().unwrap();
+    let sizes = [("sleeve", [20.0, 30.0]), ("front", [50.0, 60.0])];
+    let (mut mesh, mut faces, mut panels) = (String::new(), String::new(), Vec::new());
+    for (number, (name, [wide, high])) in sizes.into_iter().enumerate() {
+        for [x, y] in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
+            let [x, y] = [x * wide, y * high];
+            // 2 m by 1 m are the unit square.
+            mesh += &format!("v {x} {y} {}\n", 40 * number);
+            mesh += &format!("vt {} {}\n", (x + 100.0 * number as f64) / 200.0, y / 100.0);
+        }
+        let a = 4 * number + 1;
+        let [b, c, d] = [a + 1, a + 2, a + 3];
+        faces += &format!("f {a}/{a} {b}/{b} {c}/{c}\nf {a}/{a} {c}/{c} {d}/{d}\n");
+        let edges = (0..4).map(|edge| format!("{{\"endpoints\":[{edge},{}]}}", (edge + 1) % 4));
+        panels.push(format!(
+            "\"{name}\":{{\"vertices\":[[0,0],[{wide},0],[{wide},{high}],[0,{high}]],\
+             \"edges\":[{}]}}",
+            edges.collect::<Vec<_>>().join(",")
+        ));
+    }
+    let json = format!("{{\"pattern\":{{\"panels\":{{{}}}}}}}", panels.join(","));
+    let [pattern, mesh_file] =
+        ["a_specification.json", "a_sim.obj"].map(|name| folder.path().join(name));
+    std::fs::write(&pattern, json).unwrap();
+    std::fs::write(&mesh_file, mesh + &faces).unwrap();
+    let garment = read(&pattern, Some(&mesh_file), &ReadOptions::default()).unwrap();
+    let own: Vec<_> = garment.summary.panels.iter().map(|own| own.name.as_deref()).collect();
+    assert_eq!(own, [Some("sleeve"), Some("front")]);
+    for (panel, (_, [wide, high])) in garment.panels.iter().zip(sizes) {
+        assert!((panel.size() - glam::DVec2::new(10.0 * wide, 10.0 * high)).length() < 1e-6);
+    }
+    // Without the pattern it is wider than high.
+    let alone = read_alone(&mesh_file).unwrap();
+    assert!(alone.panels[1].size().x < 0.5 * alone.panels[1].size().y);
+    let refused = read_alone(&pattern).unwrap_err().to_string();
+    assert!(refused.contains("give its OBJ behind it"), "{refused}");
+    let other = read(&pattern, Some(&file("blender.glb")), &ReadOptions::default());
+    assert!(
+        other.unwrap_err().to_string().contains("1 pieces in its vt, and the pattern 2 panels")
+    );
+
+    let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
+    command.env("XDG_CACHE_HOME", crate::cache_home()).current_dir(folder.path());
+    command.args(["drape", "a_specification.json", "a_sim.obj", "--wales-per-cm", "2", "--quiet"]);
+    command.args(["-o", "report.json"]).assert().success();
+    let report = std::fs::read_to_string(folder.path().join("report.json")).unwrap();
+    assert!(report.contains("\"name\": \"front\""), "{report}");
+}
+
 /// One line that names the file, or a garment.
 fn is_read_or_refused(path: &Path) {
     if let Err(error) = read_alone(path) {

@@ -8,6 +8,8 @@ use std::io::{self, BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use super::error::GarmentError;
+use super::garmentcode::Pattern;
+use super::json::Json;
 use super::kind::Kind;
 use super::obj::{self, BUFFER, ObjMesh};
 use super::{gltf, ply, usd};
@@ -37,6 +39,17 @@ pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
         _ => gltf::parse_text(&bytes, &file),
     };
     mesh.map_err(wrong)
+}
+
+/// The sewing pattern that a file holds, if it is one of GarmentCode.
+pub(super) fn pattern(path: &Path) -> Result<Option<Pattern>, GarmentError> {
+    let mut input = open(path)?;
+    if Kind::of(input.fill_buf().unwrap_or_default()) != Kind::Json {
+        return Ok(None);
+    }
+    // What is wrong with a JSON of another kind, its own reader says.
+    let Ok(root) = Json::parse(&whole(input, path)?) else { return Ok(None) };
+    Pattern::of(&root).map_err(|what| GarmentError::Mesh { path: path.to_path_buf(), what })
 }
 
 /// The frames that a file holds: a USD file whose mesh moves as `NAME@TIME` for each of its times, and

@@ -65,7 +65,7 @@ impl Frames {
         options: &ReadOptions,
     ) -> Result<(Garment, Self), GarmentError> {
         let (garment, unit, files) = GarmentFiles::read(flat, first, options)?.garment(options)?;
-        let GarmentFiles { path, flat, draped, pattern, cloth } = files;
+        let GarmentFiles { path, flat, draped, pattern, cloth, .. } = files;
         let Cloth { pairs, reversed, .. } = cloth;
         let corners: Vec<_> =
             garment.panels.iter().map(|panel| corners(panel, &pairs, options.turn)).collect();

@@ -67,6 +67,9 @@ fn header(file: &mut Cursor<'_>) -> Option<[u32; 3]> {
 /// What is wrong with them.
 pub(super) fn parse_text(bytes: &[u8], path: &Path) -> Result<ObjMesh, String> {
     let root = Json::parse(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes))?;
+    if root.get("pattern").is_some() {
+        return Err("is a pattern of GarmentCode: give its OBJ behind it".to_owned());
+    }
     if root.get("asset").is_none() {
         return Err("is JSON, but not glTF: export the garment as OBJ, GLB, USD or PLY".to_owned());
     }
