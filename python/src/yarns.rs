@@ -469,19 +469,20 @@ impl Yarns {
     /// st, sr: segments along each stitch of a tube, and edges around. curves: an .obj has centre lines.
     /// size, view: of pictures, as of `render`. file_unit, up: "mm", "cm" or "m", and "y" or "z", of .ply
     /// and .obj. usd_curves: "bezier", or "linear" with physics. inp: "calculix" or "abaqus".
-    /// glb_precision, nodes: "u16" or "f32", and "bar" or "yarn". npz_precision, npz_compress: "f64" or
-    /// "f32", and whether arrays are compressed.
+    /// glb_precision, nodes: "u16" or "f32", and "bar" or "yarn". glb_meshopt: whether it is compressed.
+    /// npz_precision, npz_compress: "f64" or "f32", and whether arrays are compressed.
     ///
     /// The files are those of the command, byte for byte, and appear only when all of them are whole.
     /// To write them, the cloth is knitted again.
     #[pyo3(signature = (*paths, st=None, sr=None, flatten=1.0, caps=false, curves=false,
                         size=(1600, 1200), view="front", file_unit="mm", up="y",
                         usd_curves="bezier", inp="calculix", glb_precision="u16", nodes="bar",
-                        npz_precision="f64", npz_compress=false),
+                        glb_meshopt=false, npz_precision="f64", npz_compress=false),
            text_signature = "($self, *paths, st=None, sr=None, flatten=1.0, caps=False, \
                              curves=False, size=(1600, 1200), view='front', file_unit='mm', \
                              up='y', usd_curves='bezier', inp='calculix', glb_precision='u16', \
-                             nodes='bar', npz_precision='f64', npz_compress=False)")]
+                             nodes='bar', glb_meshopt=False, npz_precision='f64', \
+                             npz_compress=False)")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn save(
         &self,
@@ -500,6 +501,7 @@ impl Yarns {
         inp: &str,
         glb_precision: &str,
         nodes: &str,
+        glb_meshopt: bool,
         npz_precision: &str,
         npz_compress: bool,
     ) -> PyResult<()> {
@@ -524,6 +526,7 @@ impl Yarns {
             glb: GlbOptions {
                 precision: names::glb_precision(glb_precision)?,
                 nodes: names::nodes(nodes)?,
+                is_compressed: glb_meshopt,
             },
             npz: NpzOptions {
                 is_single: names::npz_is_single(npz_precision)?,

@@ -166,6 +166,7 @@ class Yarns:
         inp: Literal["calculix", "abaqus"] = "calculix",
         glb_precision: Literal["u16", "f32"] = "u16",
         nodes: Literal["bar", "yarn"] = "bar",
+        glb_meshopt: bool = False,
         npz_precision: Literal["f64", "f32"] = "f64",
         npz_compress: bool = False,
     ) -> None: ...
