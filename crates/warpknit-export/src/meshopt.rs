@@ -289,13 +289,12 @@ mod tests {
         let tail = take(32.max(stride)).to_vec();
         let mut last = tail[tail.len() - stride..].to_vec();
         assert!(coded.is_empty());
-        let mut bytes = Vec::new();
-        for vertex in 0..count {
-            for (place, before) in last.iter_mut().enumerate() {
-                let code = columns[place][vertex];
+        let mut bytes = vec![0; count * stride];
+        for (place, (column, before)) in columns.iter().zip(&mut last).enumerate() {
+            for (byte, code) in bytes[place..].iter_mut().step_by(stride).zip(column) {
                 let difference = if code & 1 == 1 { !(code >> 1) } else { code >> 1 };
                 *before = before.wrapping_add(difference);
-                bytes.push(*before);
+                *byte = *before;
             }
         }
         bytes
@@ -417,7 +416,7 @@ mod tests {
                 state ^= state << 13;
                 state ^= state >> 17;
                 state ^= state << 5;
-                (state % spread) as u8
+                u8::try_from(state % spread).unwrap()
             };
             let bytes: Vec<u8> = (0..count * stride).map(|_| next()).collect();
             let coded = attributes(&bytes, stride);

@@ -96,7 +96,9 @@ impl Pattern {
         let scale = DVec2::new(median(ratios().map(|r| r.x)), median(ratios().map(|r| r.y)));
         for ((name, _), ratio) in self.panels.iter().zip(ratios()) {
             let off = (ratio / scale - 1.0).abs();
-            if !(off.max_element() <= TOLERANCE) {
+            // A piece without area has none.
+            let is_its_size = off.max_element() <= TOLERANCE;
+            if !is_its_size {
                 return Err(format!(
                     "has a piece in place of the panel {name:?} that is {:.0} % off its size: give \
                      the pattern of this garment",

@@ -67,7 +67,7 @@ mod tests {
         let mut bytes = b"PK\x03\x04\x14\0\0\0".to_vec();
         bytes.extend([method, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
         bytes.extend([size, size].concat());
-        bytes.extend([name.len() as u8, 0, 3, 0]);
+        bytes.extend([u8::try_from(name.len()).unwrap(), 0, 3, 0]);
         bytes.extend(name.as_bytes());
         bytes.extend([0, 0, 0]);
         bytes.extend(body);
