@@ -29,6 +29,9 @@ def platform_of(wheel):
 
 def manifest(wheels):
     """The manifest with the wheels, whose keys must stand before its first table."""
+    found = [platform_of(wheel) for wheel in wheels]
+    if len(set(found)) < len(found):
+        raise SystemExit("error: two wheels are for one platform: remove those of older versions")
     names = ", ".join(f'"./wheels/{wheel.name}"' for wheel in wheels)
     platforms = ", ".join(f'"{platform_of(wheel)}"' for wheel in wheels)
     text = (SOURCE / "blender_manifest.toml").read_text()

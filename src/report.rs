@@ -125,6 +125,9 @@ pub struct GarmentReport {
 #[derive(Clone, Debug, Serialize)]
 #[expect(missing_docs, reason = "see Report")]
 pub struct PanelReport {
+    /// Its name in the garment's file, where panels have different ones.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
     /// Length of one flat unit, mm.
     pub scale_mm: f64,
     /// Whether it lies face down in the pattern.
@@ -148,6 +151,7 @@ impl PanelReport {
             .map(|(panel, summary)| {
                 let (stretch_warp, stretch_weft) = stretch(std::slice::from_ref(panel));
                 Self {
+                    name: summary.and_then(|own| own.name.clone()),
                     scale_mm: summary.map_or(garment.summary.uv_scale_mm, |own| own.scale_mm),
                     mirrored: panel.mirrored,
                     folds: summary.map_or_else(Vec::new, |own| own.folds.clone()),

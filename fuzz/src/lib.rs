@@ -1,18 +1,23 @@
-//! What the fuzz targets share: files in memory for readers that take paths, and fabric knitted
-//! onto small garments.
+//! What the fuzz targets share: files in memory for readers that take paths, checks of garments, and
+//! fabric knitted onto small ones.
 
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use tempfile::TempDir;
 use warpknit::drape::{self, Cloth, LayoutError, Totals};
 use warpknit::fabric::Fabric;
-use warpknit::garment::Garment;
+use warpknit::garment::stretch::{isometry, stretch};
+use warpknit::garment::{Garment, Panel};
+use warpknit::locate::overlap::overlaps;
 use warpknit::map::Mapping;
 use warpknit::yarn::tube::Section;
 
 /// The most stitches that are knitted for one input: a few milliseconds.
 pub const MOST_STITCHES: u64 = 1_000;
+
+static TRICOT: LazyLock<Fabric> = LazyLock::new(|| Fabric::named("tricot").expect("a built-in fabric"));
 
 /// A folder in memory that is removed when the fuzzer ends, and written to anew for each input.
 pub struct Desk(TempDir);
@@ -79,6 +84,37 @@ pub fn knit(garment: &Garment, fabric: &Fabric) -> Result<Option<Totals>, Layout
     };
     let Ok(totals) = drape::run(&cloth, &options, &mut |_, _| {}, &mut |_| Ok::<_, Infallible>(()));
     Ok(Some(totals))
+}
+
+/// Inspects a garment, and knits onto it coarsely.
+pub fn use_garment(garment: &Garment) {
+    assert!(!garment.panels.is_empty());
+    let (warp, weft) = stretch(&garment.panels);
+    assert!(warp.into_iter().chain(weft).all(|share| !share.is_nan()), "{warp:?} {weft:?}");
+    for panel in &garment.panels {
+        check_panel(panel);
+    }
+    garment.summary.warnings.iter().for_each(one_line);
+    let _inspected = (isometry(&garment.panels), overlaps(garment));
+    // Some ten wales and courses of the largest panel.
+    let side = garment.panels.iter().map(|panel| panel.size().max_element()).fold(0.0, f64::max);
+    if let Ok(fabric) = TRICOT.clone().at_densities(100.0 / side, 100.0 / side)
+        && let Err(error) = knit(garment, &fabric)
+    {
+        one_line(&error);
+    }
+}
+
+/// Asserts that a panel holds together.
+pub fn check_panel(panel: &Panel) {
+    let count = panel.uv.len();
+    assert_eq!([panel.draped.len(), panel.normals.len()], [count; 2]);
+    assert_eq!(panel.faces.len(), panel.triangles.len());
+    assert!(panel.triangles.iter().chain(&panel.flipped).flatten().all(|&vertex| (vertex as usize) < count));
+    assert!(panel.uv.iter().all(|p| p.is_finite()) && panel.draped.iter().all(|p| p.is_finite()));
+    assert!(panel.normals.iter().all(|n| n.is_finite()));
+    assert!(panel.area() > 0.0, "{}", panel.area());
+    let _counted = panel.non_manifold_edges();
 }
 
 /// Asserts that a message is one line.

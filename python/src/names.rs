@@ -6,6 +6,8 @@
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use warpknit::drape::strands::Edge;
+use warpknit::export::glb::{Nodes, Precision};
+use warpknit::export::{FileUnit, InpDialect, UpAxis, UsdCurves};
 use warpknit::map::Mapping;
 use warpknit::render::View;
 use warpknit::render::scene::Shape;
@@ -22,6 +24,17 @@ const VIEWS: [(&str, View); 6] = [
     ("iso", View::Iso),
 ];
 const SHAPES: [(&str, Shape); 2] = [("tube", Shape::Tube), ("ribbon", Shape::Ribbon)];
+const FILE_UNITS: [(&str, FileUnit); 3] =
+    [("mm", FileUnit::Mm), ("cm", FileUnit::Cm), ("m", FileUnit::M)];
+const UPS: [(&str, UpAxis); 2] = [("y", UpAxis::Y), ("z", UpAxis::Z)];
+const USD_CURVES: [(&str, UsdCurves); 2] =
+    [("bezier", UsdCurves::Bezier), ("linear", UsdCurves::Linear)];
+const INPS: [(&str, InpDialect); 2] =
+    [("calculix", InpDialect::Calculix), ("abaqus", InpDialect::Abaqus)];
+const GLB_PRECISIONS: [(&str, Precision); 2] =
+    [("u16", Precision::Quantised), ("f32", Precision::F32)];
+const NODES: [(&str, Nodes); 2] = [("bar", Nodes::Bar), ("yarn", Nodes::Yarn)];
+const NPZ_PRECISIONS: [(&str, bool); 2] = [("f64", false), ("f32", true)];
 
 /// The mapping of that name.
 pub(crate) fn mapping(name: &str) -> PyResult<Mapping> {
@@ -41,6 +54,41 @@ pub(crate) fn view(name: &str) -> PyResult<View> {
 /// The shape of that name.
 pub(crate) fn shape(name: &str) -> PyResult<Shape> {
     find("shape", name, &SHAPES)
+}
+
+/// The unit of `.ply` and `.obj` of that name.
+pub(crate) fn file_unit(name: &str) -> PyResult<FileUnit> {
+    find("file_unit", name, &FILE_UNITS)
+}
+
+/// The upright axis of that name.
+pub(crate) fn up(name: &str) -> PyResult<UpAxis> {
+    find("axis up", name, &UPS)
+}
+
+/// The curves of USD of that name.
+pub(crate) fn usd_curves(name: &str) -> PyResult<UsdCurves> {
+    find("usd_curves", name, &USD_CURVES)
+}
+
+/// The keywords of `.inp` of that name.
+pub(crate) fn inp(name: &str) -> PyResult<InpDialect> {
+    find("inp", name, &INPS)
+}
+
+/// The numbers of a `.glb` of that name.
+pub(crate) fn glb_precision(name: &str) -> PyResult<Precision> {
+    find("glb_precision", name, &GLB_PRECISIONS)
+}
+
+/// What has a node in a `.glb`, by its name.
+pub(crate) fn nodes(name: &str) -> PyResult<Nodes> {
+    find("nodes", name, &NODES)
+}
+
+/// Whether floats of an `.npz` of that name have 32 bits.
+pub(crate) fn npz_is_single(name: &str) -> PyResult<bool> {
+    find("npz_precision", name, &NPZ_PRECISIONS)
 }
 
 fn find<T: Copy>(what: &str, name: &str, known: &[(&str, T)]) -> PyResult<T> {

@@ -15,7 +15,9 @@ use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
-use warpknit::export::{Format, default_section, png};
+use warpknit::export::glb::GlbOptions;
+use warpknit::export::npz::NpzOptions;
+use warpknit::export::{Axes, Format, default_section, png};
 use warpknit::pipeline::{self, Clock, RunError, Settings, Source, Textures};
 use warpknit::render::scene::{Scene, Shape};
 use warpknit::render::{self, Background, Camera, RenderOptions};
@@ -465,14 +467,22 @@ impl Yarns {
     /// command's -o knows.
     ///
     /// st, sr: segments along each stitch of a tube, and edges around. curves: an .obj has centre lines.
-    /// size, view: of pictures, as of `render`.
+    /// size, view: of pictures, as of `render`. file_unit, up: "mm", "cm" or "m", and "y" or "z", of .ply
+    /// and .obj. usd_curves: "bezier", or "linear" with physics. inp: "calculix" or "abaqus".
+    /// glb_precision, nodes: "u16" or "f32", and "bar" or "yarn". glb_meshopt: whether it is compressed.
+    /// npz_precision, npz_compress: "f64" or "f32", and whether arrays are compressed.
     ///
     /// The files are those of the command, byte for byte, and appear only when all of them are whole.
     /// To write them, the cloth is knitted again.
     #[pyo3(signature = (*paths, st=None, sr=None, flatten=1.0, caps=false, curves=false,
-                        size=(1600, 1200), view="front"),
+                        size=(1600, 1200), view="front", file_unit="mm", up="y",
+                        usd_curves="bezier", inp="calculix", glb_precision="u16", nodes="bar",
+                        glb_meshopt=false, npz_precision="f64", npz_compress=false),
            text_signature = "($self, *paths, st=None, sr=None, flatten=1.0, caps=False, \
-                             curves=False, size=(1600, 1200), view='front')")]
+                             curves=False, size=(1600, 1200), view='front', file_unit='mm', \
+                             up='y', usd_curves='bezier', inp='calculix', glb_precision='u16', \
+                             nodes='bar', glb_meshopt=False, npz_precision='f64', \
+                             npz_compress=False)")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn save(
         &self,
@@ -485,6 +495,15 @@ impl Yarns {
         curves: bool,
         size: (u32, u32),
         view: &str,
+        file_unit: &str,
+        up: &str,
+        usd_curves: &str,
+        inp: &str,
+        glb_precision: &str,
+        nodes: &str,
+        glb_meshopt: bool,
+        npz_precision: &str,
+        npz_compress: bool,
     ) -> PyResult<()> {
         if paths.is_empty() {
             return Err(PyValueError::new_err("name a file, such as \"cloth.glb\""));
@@ -495,8 +514,26 @@ impl Yarns {
         let outputs = outputs.collect::<Result<Vec<_>, _>>();
         let outputs = outputs.map_err(|error| error::of_export(&error))?;
         check_size(size)?;
-        let mut settings =
-            Settings { st, sr, flatten, caps, centre_lines: curves, ..self.settings.clone() };
+        let mut settings = Settings {
+            st,
+            sr,
+            flatten,
+            caps,
+            centre_lines: curves,
+            usd_curves: names::usd_curves(usd_curves)?,
+            inp: names::inp(inp)?,
+            axes: Axes { unit: names::file_unit(file_unit)?, up: names::up(up)? },
+            glb: GlbOptions {
+                precision: names::glb_precision(glb_precision)?,
+                nodes: names::nodes(nodes)?,
+                is_compressed: glb_meshopt,
+            },
+            npz: NpzOptions {
+                is_single: names::npz_is_single(npz_precision)?,
+                is_compressed: npz_compress,
+            },
+            ..self.settings.clone()
+        };
         (settings.picture.size, settings.picture.view) = (size, names::view(view)?);
         let written = py.detach(|| self.write(outputs, &settings));
         written.map_err(|error| error::of_run(&error))

@@ -14,7 +14,7 @@ import pytest
 import warpknit
 from numpy.typing import NDArray
 
-ENDINGS = [".png", ".glb", ".obj", ".ply", ".usda", ".bcc", ".curves.txt", ".inp", ".npz", ".csv", ".json"]
+ENDINGS = [".png", ".html", ".glb", ".obj", ".ply", ".usda", ".usdc", ".bcc", ".curves.txt", ".inp", ".npz", ".csv", ".json"]
 
 
 def test_arrays_have_the_shapes_and_types_that_the_docs_say(yarns: warpknit.Yarns) -> None:
@@ -156,6 +156,25 @@ def test_files_are_those_of_the_command(meshes: Path, locknit: warpknit.Fabric, 
     yarns.save(tmp_path / "ours.glb", tmp_path / "ours.npz")
     for ending in ["glb", "npz"]:
         assert (tmp_path / f"ours.{ending}").read_bytes() == (tmp_path / f"theirs.{ending}").read_bytes()
+
+
+def test_words_of_formats_are_the_flags_of_the_command(locknit: warpknit.Fabric, tmp_path: Path) -> None:
+    swatch, whole, path = warpknit.swatch(locknit, 3, 4), tmp_path / "whole.npz", tmp_path / "cloth.npz"
+    swatch.save(whole)
+    swatch.save(path, npz_precision="f32", npz_compress=True)
+    saved = np.load(path)
+    assert saved["draped"].dtype == np.float32 and np.abs(saved["draped"] - swatch.points).max() < 1e-4
+    assert path.stat().st_size < 0.5 * whole.stat().st_size
+    files = [tmp_path / f"cloth{ending}" for ending in (".usda", ".ply", ".obj", ".inp", ".glb")]
+    swatch.save(*files, file_unit="m", up="z", usd_curves="linear", inp="abaqus", glb_precision="f32", nodes="yarn")
+    usda, _, obj, inp, glb = (file.read_bytes() for file in files)
+    assert b"PhysicsCurvesDeformableSimAPI" in usda and b"*CONTACT PAIR" in inp
+    assert b'"yarn 0"' in glb and b"KHR_mesh_quantization" not in glb
+    places = [[float(number) for number in line.split()[1:]] for line in obj.splitlines() if line.startswith(b"v ")]
+    # Of a swatch, whose courses go up.
+    assert np.ptp(places, axis=0)[2] == pytest.approx(1e-3 * np.ptp(swatch.points, axis=0)[1], rel=0.2)
+    with pytest.raises(ValueError, match="f64, f32"):
+        swatch.save(path, npz_precision="f16")  # type: ignore[arg-type]
 
 
 def test_what_cannot_be_written_is_said_and_nothing_is_left(

@@ -19,7 +19,7 @@ def main(folder: Path) -> dict[str, float]:
     """Knits, and writes a file."""
     fabric = warpknit.Fabric.from_chains(["2-3/1-0//", "1-0/1-2//"], threading="I", yarn="44 dtex")
     yarns = warpknit.swatch(fabric, wales=6, courses=8)
-    yarns.save(folder / "cloth.usda", str(folder / "cloth.ply"), st=4, sr=5)
+    yarns.save(folder / "cloth.usda", str(folder / "cloth.ply"), st=4, sr=5, file_unit="m")
     vertices, faces, normals, uv = yarns.to_mesh(st=10, sr=6)
     assert vertices.shape == normals.shape and len(uv) == len(vertices)
     picture = yarns.render(size=(80, 60), view="back")

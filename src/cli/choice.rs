@@ -64,7 +64,11 @@ impl Shared {
             usd_curves: self.usd_curves.into(),
             inp: self.inp.into(),
             axes: Axes { unit: self.file_unit.into(), up: self.up.into() },
-            glb: GlbOptions { precision: self.glb_precision.into(), nodes: self.nodes.into() },
+            glb: GlbOptions {
+                precision: self.glb_precision.into(),
+                nodes: self.nodes.into(),
+                is_compressed: self.glb_meshopt,
+            },
             npz: NpzOptions {
                 is_single: matches!(self.npz_precision, FloatArg::F32),
                 is_compressed: self.npz_compress,

@@ -1,13 +1,13 @@
 //! The mesh arguments of `drape`: one drape, or the frames of a sequence.
 //!
 //! In: paths of files, folders, and patterns such as `'frames/*.obj'`. Out: the files in the order of
-//! their numbers, and the garment of the first one.
+//! their numbers, a USD file that moves once for each of its times, and the garment of the first one.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use warpknit::garment::{Frames, Garment, ReadOptions, read};
+use warpknit::garment::{Frames, Garment, ReadOptions, moments, read};
 use warpknit::pipeline::Motion;
 
 /// The files of a garment.
@@ -30,7 +30,7 @@ impl Drapes {
         let named = if named.is_dir() { named.file_name() } else { named.file_stem() };
         let stem = PathBuf::from(named.unwrap_or_default());
         if others.is_empty() {
-            return Ok(Self { flat: None, frames: expanded(first)?, stem });
+            return Ok(Self { flat: None, frames: moving(expanded(first)?), stem });
         }
         let mut frames = Vec::new();
         for path in others {
@@ -44,7 +44,7 @@ impl Drapes {
         if frames.is_empty() {
             bail!("{}: there is no drape beside the flat pattern", others[0].display());
         }
-        Ok(Self { flat: Some(first.to_owned()), frames, stem })
+        Ok(Self { flat: Some(first.to_owned()), frames: moving(frames), stem })
     }
 
     /// All input files. They must not be overwritten.
@@ -116,8 +116,13 @@ pub(super) fn expanded(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
+/// Files with the frames in them, where one has several.
+fn moving(files: Vec<PathBuf>) -> Vec<PathBuf> {
+    files.iter().flat_map(|file| moments(file)).collect()
+}
+
 /// Endings of garments' files.
-const ENDINGS: [&str; 7] = ["obj", "glb", "gltf", "usd", "usda", "usdc", "ply"];
+const ENDINGS: [&str; 8] = ["obj", "glb", "gltf", "usd", "usda", "usdc", "usdz", "ply"];
 
 /// The garments' files of a folder, in no order.
 fn garment_files(folder: &Path) -> Result<Vec<PathBuf>> {

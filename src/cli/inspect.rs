@@ -218,7 +218,7 @@ fn panel_table(text: &mut String, garment: &Garment) -> std::fmt::Result {
     for (number, panel) in garment.panels.iter().enumerate() {
         let size = panel.size();
         let own = isometry(std::slice::from_ref(panel));
-        writeln!(
+        write!(
             text,
             "  {number:5}  {:9}  {:9.1}  {:9.1}  {:9.1}  {:12.4}  {:12.3}  {:12.3}  {:>8}  {:7}  \
              {:18}",
@@ -233,6 +233,10 @@ fn panel_table(text: &mut String, garment: &Garment) -> std::fmt::Result {
             panel.flipped.len(),
             panel.non_manifold_edges()
         )?;
+        match &garment.summary.panels[number].name {
+            Some(name) => writeln!(text, "  {name}")?,
+            None => writeln!(text)?,
+        }
     }
     Ok(())
 }

@@ -4,9 +4,9 @@
 //! of a tube, vertex, triangle or pixel, measured 2026-11 with seven fabrics on two garments. Checked
 //! within a third against files and runs in `tests/it/estimates.rs`. Not promised: files of fibres.
 
+use super::settings::Settings;
 use crate::drape::{Cloth, DrapeOptions};
 use crate::export::Format;
-use crate::export::npz::NpzOptions;
 use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::render::scene::{Bounds, Scene};
@@ -51,7 +51,7 @@ pub(super) fn file_bytes(
     cloth: &Cloth<'_>,
     fabric: &Fabric,
     section: &Section,
-    npz: NpzOptions,
+    settings: &Settings,
 ) -> Option<f64> {
     let stitches = float(cloth.stitches());
     let (st, sr) = (f64::from(section.st), f64::from(section.sr));
@@ -61,6 +61,7 @@ pub(super) fn file_bytes(
     Some(match format {
         // Pages are compressed, to a tenth where all stitches are alike.
         Format::Png | Format::Json | Format::Html => return None,
+        Format::Glb if settings.glb.is_compressed => return None,
         // With floats and textures twice as much.
         Format::Glb => 12.0 * stitches * st * sr + 6.0 * triangles,
         Format::Ply => 35.0 * vertices + 13.0 * triangles,
@@ -72,8 +73,8 @@ pub(super) fn file_bytes(
         Format::Usda => 116.0 * points(cloth, fabric),
         Format::Usdc => 45.0 * points(cloth, fabric),
         // How far arrays can be compressed depends on the cloth.
-        Format::Npz if npz.is_compressed => return None,
-        Format::Npz if npz.is_single => 66.0 * points(cloth, fabric),
+        Format::Npz if settings.npz.is_compressed => return None,
+        Format::Npz if settings.npz.is_single => 66.0 * points(cloth, fabric),
         Format::Npz => 115.0 * points(cloth, fabric),
         Format::Csv => 200.0 * points(cloth, fabric),
     })

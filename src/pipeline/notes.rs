@@ -10,7 +10,7 @@ use super::estimates::{file_bytes, float, size_text};
 use super::job::Job;
 use super::settings::Wanted;
 use super::setup::Setup;
-use crate::export::Format;
+use crate::export::{Format, html};
 use crate::render::scene::Shape;
 
 /// Files and pictures of which the size is told although someone chose the cloth, bytes.
@@ -79,13 +79,25 @@ fn enlarged(job: &Job<'_>, is_one_of_two: bool, setup: &Setup) -> String {
         }
         _ => (String::new(), String::new()),
     };
+    let is_page = job.outputs.iter().any(|(_, format)| *format == Format::Html);
+    let truest = if is_page && all > float(html::MOST_STITCHES) {
+        format!("--enlarge {:.1} has all that a page holds", enlarged_for_page(all))
+    } else {
+        "--enlarge 1 keeps true gauge".to_owned()
+    };
     let again = if is_one_of_two { ". For this the cloth is knitted a second time" } else { "" };
     format!(
-        "{have} about {} stitches in place of {}, {times:.1} times enlarged{opens}{sizes}; --enlarge 1 \
-         keeps true gauge{again}",
+        "{have} about {} stitches in place of {}, {times:.1} times enlarged{opens}{sizes}; \
+         {truest}{again}",
         count_text(stitches_on(job.shown, job.area)),
         count_text(all),
     )
+}
+
+/// How many times a cloth must be enlarged, to a tenth, so that a page holds it. Yarns that panels cut
+/// are some percent of stitches more than the cloth's area has.
+fn enlarged_for_page(stitches: f64) -> f64 {
+    (10.0 * (1.05 * stitches / float(html::MOST_STITCHES)).sqrt()).ceil() / 10.0
 }
 
 /// Files that hold tubes although ribbons were chosen, which are for pictures alone.
@@ -127,7 +139,7 @@ fn files(job: &Job<'_>, setup: &Setup) -> Vec<File> {
         return Vec::new();
     }
     let file = |(path, format): &(std::path::PathBuf, Format)| {
-        let bytes = file_bytes(*format, job.filed(), job.shown, &setup.section, job.settings.npz)?;
+        let bytes = file_bytes(*format, job.filed(), job.shown, &setup.section, job.settings)?;
         Some(File { name: path.display().to_string(), format: *format, bytes })
     };
     job.outputs.iter().filter_map(file).collect()
@@ -176,6 +188,14 @@ mod tests {
             (25_172_743.0, "25 million"),
         ] {
             assert_eq!(count_text(count), text);
+        }
+    }
+
+    #[test]
+    fn a_cloth_enlarged_for_a_page_fits_it() {
+        for stitches in [510_000.0, 5_127_350.0, 1e9] {
+            let drawn = stitches / enlarged_for_page(stitches).powi(2);
+            assert!((0.7..0.96).contains(&(drawn / float(html::MOST_STITCHES))), "{stitches}");
         }
     }
 }

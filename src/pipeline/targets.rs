@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use super::RunError;
+use crate::garment::file_of;
 
 /// Refuses outputs that are also inputs, and outputs that are named twice.
 ///
@@ -15,7 +16,7 @@ pub fn check_distinct<'a>(
     outputs: impl IntoIterator<Item = &'a Path>,
 ) -> Result<(), RunError> {
     // Runs have few files, so a linear search is enough.
-    let mut taken: Vec<PathBuf> = inputs.into_iter().map(place).collect();
+    let mut taken: Vec<PathBuf> = inputs.into_iter().map(|input| place(&file_of(input))).collect();
     for path in outputs {
         if taken.contains(&place(path)) {
             return Err(RunError::NotDistinct { path: path.to_owned() });

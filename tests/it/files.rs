@@ -177,6 +177,39 @@ fn quantised_glb_holds_the_triangles_of_the_floats() {
     }
 }
 
+/// The arrays themselves are compared by `tests/readers/rows.py`, with the decoder of others.
+#[test]
+fn a_compressed_glb_says_where_its_arrays_lie() {
+    let folder = tempfile::tempdir().unwrap();
+    knit(folder.path(), &[&SWATCH[..], &["-o", "a.glb"]].concat());
+    knit(folder.path(), &[&SWATCH[..], &["-o", "b.glb", "--glb-meshopt"]].concat());
+    let read = |name: &str| {
+        let file = std::fs::read(folder.path().join(name)).unwrap();
+        let length = u32::from_le_bytes(file[12..16].try_into().unwrap()) as usize;
+        let json: Value = serde_json::from_slice(&file[20..20 + length]).unwrap();
+        (json, file.len() - 28 - length)
+    };
+    let ((plain, plain_bytes), (packed, bytes)) = (read("a.glb"), read("b.glb"));
+    assert!(2 * bytes < plain_bytes, "{bytes} of {plain_bytes}");
+    assert_eq!(packed["accessors"], plain["accessors"]);
+    let buffers = packed["buffers"].as_array().unwrap();
+    assert_eq!(count(&buffers[0], "byteLength"), bytes);
+    assert_eq!(count(&buffers[1], "byteLength"), plain_bytes);
+    const NAME: &str = "EXT_meshopt_compression";
+    assert_eq!(buffers[1]["extensions"][NAME]["fallback"], true);
+    let views = [&plain, &packed].map(|json| json["bufferViews"].as_array().unwrap());
+    for (own, view) in views[0].iter().zip(views[1]) {
+        for key in ["byteOffset", "byteLength", "byteStride", "target"] {
+            assert_eq!(own[key], view[key]);
+        }
+        let packed = &view["extensions"][NAME];
+        assert!(count(packed, "byteOffset") + count(packed, "byteLength") <= bytes);
+        assert_eq!(count(packed, "count") * count(packed, "byteStride"), count(view, "byteLength"));
+        let is_indices = view["target"] == 34963;
+        assert_eq!(packed["mode"], if is_indices { "TRIANGLES" } else { "ATTRIBUTES" });
+    }
+}
+
 /// Blender takes a `.ply` in metres with z up.
 #[test]
 fn ply_and_obj_take_the_unit_and_the_upright_axis_of_their_reader() {

@@ -17,12 +17,14 @@ def main():
     cloth = made()
     bpy.ops.export_scene.gltf(filepath=str(out / "blender.glb"), export_format="GLB")
     bpy.ops.wm.ply_export(filepath=str(out / "blender.ply"), export_uv=True, up_axis="Y", forward_axis="NEGATIVE_Z")
-    for name in ("blender.usda", "blender.usdc"):
+    for name in ("blender.usda", "blender.usdc", "blender.usdz"):
         bpy.ops.wm.usd_export(filepath=str(out / name))
     y_up = {"convert_orientation": True, "export_global_forward_selection": "NEGATIVE_Z", "export_global_up_selection": "Y"}
     bpy.ops.wm.usd_export(filepath=str(out / "blender_y_up.usdc"), **y_up)
     move(cloth)
-    bpy.ops.wm.usd_export(filepath=str(out / "blender_moving.usdc"), export_animation=True)
+    # As blend shapes of a skeleton, which are at rest for us, and as points over time.
+    bpy.ops.wm.usd_export(filepath=str(out / "blender_shape_keys.usdc"), export_animation=True)
+    bpy.ops.wm.usd_export(filepath=str(out / "blender_moving.usdc"), export_animation=True, export_shapekeys=False)
 
 
 def made():

@@ -22,10 +22,11 @@ TSHIRT = HERE.parents[1] / "meshes/tshirt.obj"
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--binary", type=Path, default=shutil.which("warpknit"), help="the program [default: the one on the path]")
-    parser.add_argument("--validator", type=Path, help="a node_modules folder with gltf-validator")
+    parser.add_argument("--validator", type=Path, help="a node_modules folder with gltf-validator and meshoptimizer")
     parser.add_argument("--million", action="store_true", help="open a .usdc of a million stitches too, which takes minutes to knit")
     arguments = parser.parse_args()
     binary, million, validator = arguments.binary.resolve(), arguments.million, arguments.validator
+    decoder = validator and (validator / "meshoptimizer").exists()
     ready = {name: importlib.util.find_spec(name) is not None for name in ("pxr", "newton", "bpy")}
     ccx = shutil.which("ccx")
     rows = [
@@ -35,7 +36,8 @@ def main():
         (".inp", "CalculiX", ccx is not None, lambda folder: inp(binary, folder, ccx)),
         (".bcc", "as YarnBall reads", True, lambda folder: bcc(binary, folder)),
         (".glb", "gltf-validator", validator is not None, lambda folder: validated(binary, folder, validator)),
-        (".glb .ply .obj", "Blender", ready["bpy"], lambda folder: blender(binary, folder)),
+        (".glb compressed", "meshoptimizer", bool(decoder), lambda folder: meshopt(binary, folder, validator)),
+        (".glb .ply .obj .usdc", "Blender", ready["bpy"], lambda folder: blender(binary, folder)),
         (".npz", "numpy", True, lambda folder: npz(binary, folder)),
     ]
     skipped = 0
@@ -46,7 +48,7 @@ def main():
                 found = run(Path(folder))
         else:
             skipped += 1
-        print(f"{file:15} {reader:18} {found}", flush=True)
+        print(f"{file:20} {reader:18} {found}", flush=True)
     print(f"{len(rows) - skipped} rows, {skipped} skipped")
 
 
@@ -123,13 +125,23 @@ def validated(binary, folder, validator):
     return f"{issues['numErrors']} errors, {issues['numWarnings']} warnings"
 
 
+def meshopt(binary, folder, modules):
+    """Unpacks to the arrays of the file that isn't compressed."""
+    for name, flags in (("a.glb", []), ("b.glb", ["--glb-meshopt"])):
+        swatch(binary, folder, "--wales", "20", "--courses", "20", *flags, "-o", name)
+    command = ["node", HERE / "meshopt.mjs", modules.resolve(), "a.glb", "b.glb"]
+    return subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout.strip()
+
+
 def blender(binary, folder):
     """Opens upright and at the right size, the .glb of a T-shirt in under 5 s of the processor."""
     import bpy
     import mathutils
 
-    files = ["-o", "a.glb", "-o", "a.ply", "-o", "a.obj", "-o", "a.npz", "--file-unit", "m", "--up", "z", "--st", "4", "--sr", "4"]
-    subprocess.run([binary, "drape", TSHIRT, "--fabric", "locknit", "--wales-per-cm", "2", "--quiet", *files], cwd=folder, check=True)
+    # As docs/formats say for each, and opened with Blender's own settings.
+    command = [binary, "drape", TSHIRT, "--fabric", "locknit", "--wales-per-cm", "2", "--quiet", "--st", "4", "--sr", "4", "--file-unit", "m"]
+    subprocess.run([*command, "-o", "a.glb", "-o", "a.obj", "-o", "a.usdc", "-o", "a.npz"], cwd=folder, check=True)
+    subprocess.run([*command, "-o", "a.ply", "--up", "z"], cwd=folder, check=True)
     points = np.load(folder / "a.npz")["draped"]
     # Blender has z up, and our y is up.
     wide, tall, deep = np.ptp(points, axis=0) / 1000
@@ -137,14 +149,15 @@ def blender(binary, folder):
     importers = {
         "a.glb": lambda path: bpy.ops.import_scene.gltf(filepath=path),
         "a.ply": lambda path: bpy.ops.wm.ply_import(filepath=path),
-        "a.obj": lambda path: bpy.ops.wm.obj_import(filepath=path, up_axis="Z", forward_axis="Y"),
+        "a.obj": lambda path: bpy.ops.wm.obj_import(filepath=path),
+        "a.usdc": lambda path: bpy.ops.wm.usd_import(filepath=path),
     }
     for name, read in importers.items():
         bpy.ops.wm.read_factory_settings(use_empty=True)
         start = time.process_time()
         read(str(folder / name))
         took = time.process_time() - start
-        objects = [thing for thing in bpy.data.objects if thing.type == "MESH"]
+        objects = [thing for thing in bpy.data.objects if thing.type in ("MESH", "CURVES")]
         bpy.context.view_layer.update()
         corners = np.array([thing.matrix_world @ mathutils.Vector(corner) for thing in objects for corner in thing.bound_box])
         size = np.ptp(corners, axis=0)

@@ -244,7 +244,7 @@ const view = {}, hidden = new Set(), loupe = { on: false, x: 0.5, y: 0.5 };
 function showWhole(yaw, pitch = 0) {
   const [w, h] = [canvas.clientWidth, canvas.clientHeight];
   const wide = Math.hypot(size[0] * Math.cos(yaw), size[2] * Math.sin(yaw)), deep = Math.hypot(size[0] * Math.sin(yaw), size[2] * Math.cos(yaw));
-  Object.assign(view, { yaw, pitch, target: [0, 0, 0], span: 1.08 * Math.max(size[1], wide * h / w) + deep * Math.tan(FOV / 2) });
+  Object.assign(view, { isWhole: true, yaw, pitch, target: [0, 0, 0], span: 1.08 * Math.max(size[1], wide * h / w) + deep * Math.tan(FOV / 2) });
   invalidate();
 }
 
@@ -291,6 +291,7 @@ function anchor(x, y) {
   }
   const depth = -nearest * dot(ray, back);
   if (!(depth > 0 && depth < Infinity)) return;
+  view.isWhole = false;
   view.target = add(eye, back, -depth);
   view.span *= depth / distance;
 }
@@ -302,6 +303,7 @@ function turn(yaw, pitch) {
 }
 function move(dx, dy) {                // pixels
   const { right, up } = camera(1), mm = view.span / canvas.clientHeight;
+  view.isWhole = false;
   view.target = add(add(view.target, right, -dx * mm), up, dy * mm);
   invalidate(true);
 }
@@ -484,6 +486,7 @@ if (ask('loupe', 0)) toggleLoupe(true);
 draw(performance.now());
 gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
 $('message').textContent = '';
-new ResizeObserver(() => invalidate()).observe(canvas);
+// The whole cloth stays whole in a window of another shape.
+new ResizeObserver(() => view.isWhole ? looks.whole() : invalidate()).observe(canvas);
 Object.assign(document.body.dataset, { first: Math.round(performance.now() - started), error: gl.getError() || '' });
 })();

@@ -12,7 +12,8 @@
 //! coordinates `f32`; indices are `u16` where no mesh part of the block has more vertices than these
 //! count, else `u32`. A block's arrays lie together: all of its positions are one buffer view, and
 //! the block, or each of its yarns, is an accessor to a range of it, with indices counted from its
-//! own first vertex.
+//! own first vertex. On request the arrays are compressed (`meshopt`); views then count in a second
+//! buffer that isn't there, which readers fill.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -33,6 +34,7 @@ use super::glb_block::{METRES_PER_MM, PreparedBlock, bounds};
 use super::glb_grid::{Grid, QUANTIZATION, quantised_normal};
 use super::glb_material::root_of;
 pub use super::glb_options::{GlbOptions, Nodes, Precision};
+use super::meshopt;
 use super::patched_header::PatchedHeader;
 use super::texture::TextureSet;
 use super::{ClothInfo, Destination, Expected, ExportError, Sink};
@@ -46,6 +48,8 @@ const BARE_HEADERS: usize = 12 + 8;
 /// Room for a block's entries in the JSON: four views, and a node if need be. They take about 500
 /// bytes, and with all numbers at their longest less than this.
 const BLOCK_JSON: usize = 900;
+/// Further room for a block's entries where arrays are compressed: 170 bytes for each of four views.
+const COMPRESSED_JSON: usize = 800;
 /// Room for a yarn's entries: four accessors, a mesh, a node. They take about 900 bytes, and with
 /// all numbers at their longest less than this.
 const YARN_JSON: usize = 1100;
@@ -58,6 +62,8 @@ pub struct GlbWriter<W> {
     file: PatchedHeader<W>,
     /// Bytes of the binary chunk.
     bytes: u64,
+    /// Bytes of the arrays before they were compressed, if they are.
+    unpacked: u64,
     root: Root,
     /// Nodes of panels' bars.
     bars: Vec<Index<json::Node>>,
@@ -110,7 +116,13 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             root.extensions_used.push(QUANTIZATION.to_owned());
             root.extensions_required.push(QUANTIZATION.to_owned());
         }
-        let room = cloth.expected.map(|expected| room_for(&root, expected, options.nodes));
+        let mut buffer = buffer;
+        if options.is_compressed {
+            root.extensions_used.push(COMPRESSION.to_owned());
+            root.extensions_required.push(COMPRESSION.to_owned());
+            buffer = root.push(fallback());
+        }
+        let room = cloth.expected.map(|expected| room_for(&root, expected, options));
         let panels = cloth.panels.iter().map(|panel| {
             let draped: Vec<_> =
                 panel.draped.iter().map(|place| (*place / 1000.0).as_vec3()).collect();
@@ -120,6 +132,7 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         let mut writer = Self {
             file: PatchedHeader::create(target, room)?,
             bytes: 0,
+            unpacked: 0,
             root,
             bars: Vec::new(),
             buffer,
@@ -295,9 +308,22 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         component: ComponentType,
     ) -> Result<ArrayView, ExportError> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
-        let padding = bytes.len().next_multiple_of(4) - bytes.len();
-        self.file.write(bytes)?;
-        self.file.write(&[0; 3][..padding])?;
+        let coded = self
+            .options
+            .is_compressed
+            .then(|| coded(bytes, component, kind == Type::Scalar, size_of::<T>()));
+        let padded = |count: usize| count.next_multiple_of(4) as u64;
+        let (offset, extensions) = match &coded {
+            None => (self.bytes, None),
+            Some(coded) => {
+                let stride = size_of::<T>();
+                let extension = compression(self.bytes, coded.len(), stride, values.len(), kind);
+                (self.unpacked, Some(extension))
+            }
+        };
+        let written = coded.as_deref().unwrap_or(bytes);
+        self.file.write(written)?;
+        self.file.write(&[0; 3][..written.len().next_multiple_of(4) - written.len()])?;
         // A view of vertices that several accessors share must state its stride; indices may have
         // none.
         let (target, stride) = if kind == Type::Scalar {
@@ -308,20 +334,25 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         let index = self.root.push(json::buffer::View {
             buffer: self.buffer,
             byte_length: USize64::from(bytes.len()),
-            byte_offset: Some(USize64(self.bytes)),
+            byte_offset: Some(USize64(offset)),
             byte_stride: stride,
             name: None,
             target: Some(Valid(target)),
-            extensions: None,
+            extensions,
             extras: json::Extras::default(),
         });
-        self.bytes += (bytes.len() + padding) as u64;
+        self.bytes += padded(written.len());
+        if coded.is_some() {
+            self.unpacked += padded(bytes.len());
+        }
         Ok(ArrayView { index, kind, component, size: size_of::<T>() })
     }
 
     /// The JSON chunk, filled up with spaces to its room, or to a multiple of 4 bytes.
     fn json_chunk(&mut self) -> Vec<u8> {
-        self.root.buffers[self.buffer.value()].byte_length = USize64(self.bytes);
+        self.root.buffers[self.buffer.value()].byte_length = USize64(self.unpacked);
+        // The file's own is the first, whatever stands in it.
+        self.root.buffers[0].byte_length = USize64(self.bytes);
         if self.bytes == 0 {
             // The format has no empty buffers.
             self.root.buffers.clear();
@@ -396,13 +427,61 @@ impl<W: Write + Seek> GlbWriter<W> {
 }
 
 /// Bytes that the headers and the JSON take at the most.
-fn room_for(root: &Root, Expected { blocks, yarns }: Expected, nodes: Nodes) -> usize {
-    let parts = match nodes {
+fn room_for(root: &Root, Expected { blocks, yarns }: Expected, options: GlbOptions) -> usize {
+    let block = BLOCK_JSON + if options.is_compressed { COMPRESSED_JSON } else { 0 };
+    let parts = match options.nodes {
         Nodes::Bar => blocks,
         Nodes::Yarn => yarns,
     };
-    let json = json_text(root).len() + LAST_JSON + BLOCK_JSON * blocks + YARN_JSON * parts;
+    let json = json_text(root).len() + LAST_JSON + block * blocks + YARN_JSON * parts;
     (HEADERS + json).next_multiple_of(4)
+}
+
+/// The extension of compressed arrays.
+const COMPRESSION: &str = "EXT_meshopt_compression";
+
+/// The buffer of what readers unpack, of which nothing is in the file.
+fn fallback() -> json::Buffer {
+    let mut extension = json::extensions::buffer::Buffer::default();
+    extension.others.insert(COMPRESSION.to_owned(), serde_json::json!({ "fallback": true }));
+    json::Buffer {
+        byte_length: USize64(0),
+        name: None,
+        uri: None,
+        extensions: Some(extension),
+        extras: json::Extras::default(),
+    }
+}
+
+/// An array compressed: triangles where it is of indices, and else vertices of `stride` bytes.
+fn coded(bytes: &[u8], component: ComponentType, is_indices: bool, stride: usize) -> Vec<u8> {
+    if !is_indices {
+        return meshopt::attributes(bytes, stride);
+    }
+    if component == ComponentType::U16 {
+        let corners = bytes.as_chunks::<2>().0.iter().map(|two| u16::from_le_bytes(*two).into());
+        return meshopt::triangles(corners.collect::<Vec<u32>>().as_chunks().0.iter().copied());
+    }
+    let corners = bytes.as_chunks::<4>().0.iter().map(|four| u32::from_le_bytes(*four));
+    meshopt::triangles(corners.collect::<Vec<u32>>().as_chunks().0.iter().copied())
+}
+
+/// Where a compressed array lies, and of how many elements.
+fn compression(
+    offset: u64,
+    length: usize,
+    stride: usize,
+    count: usize,
+    kind: Type,
+) -> json::extensions::buffer::View {
+    let mode = if kind == Type::Scalar { "TRIANGLES" } else { "ATTRIBUTES" };
+    let mut extension = json::extensions::buffer::View::default();
+    let own = serde_json::json!({
+        "buffer": 0, "byteOffset": offset, "byteLength": length, "byteStride": stride,
+        "count": count, "mode": mode,
+    });
+    extension.others.insert(COMPRESSION.to_owned(), own);
+    extension
 }
 
 /// A mesh without parts.

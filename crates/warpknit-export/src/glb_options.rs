@@ -7,6 +7,8 @@ pub struct GlbOptions {
     pub precision: Precision,
     /// What has a node of its own.
     pub nodes: Nodes,
+    /// Whether arrays are compressed, by `EXT_meshopt_compression`.
+    pub is_compressed: bool,
 }
 
 /// How the numbers of a mesh are stored.

@@ -40,6 +40,7 @@ mod html_lines;
 mod info;
 pub mod inp;
 mod lines;
+mod meshopt;
 pub mod mtl;
 pub mod npz;
 pub mod obj;

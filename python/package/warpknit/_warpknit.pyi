@@ -160,6 +160,15 @@ class Yarns:
         curves: bool = False,
         size: tuple[int, int] = (1600, 1200),
         view: _View = "front",
+        file_unit: Literal["mm", "cm", "m"] = "mm",
+        up: Literal["y", "z"] = "y",
+        usd_curves: Literal["bezier", "linear"] = "bezier",
+        inp: Literal["calculix", "abaqus"] = "calculix",
+        glb_precision: Literal["u16", "f32"] = "u16",
+        nodes: Literal["bar", "yarn"] = "bar",
+        glb_meshopt: bool = False,
+        npz_precision: Literal["f64", "f32"] = "f64",
+        npz_compress: bool = False,
     ) -> None: ...
     def _repr_png_(self) -> bytes: ...
     def __len__(self) -> int: ...

@@ -527,6 +527,9 @@ pub(crate) struct Shared {
     /// Numbers of a .glb: 16 bits on a grid (KHR_mesh_quantization), or floats for readers without it
     #[arg(long, value_enum, default_value = "u16")]
     pub(crate) glb_precision: PrecisionArg,
+    /// Compress a .glb (EXT_meshopt_compression), for viewers on the web; Blender doesn't read it
+    #[arg(long)]
+    pub(crate) glb_meshopt: bool,
     /// What has a node of its own in a .glb
     #[arg(long, value_enum, default_value = "bar")]
     pub(crate) nodes: NodesArg,

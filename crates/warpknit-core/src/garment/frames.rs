@@ -16,8 +16,9 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::file;
 use super::normals::{cross, normals};
-use super::obj::{self, ObjMesh};
+use super::obj::ObjMesh;
 use super::pair::{FlatSource, LARGEST, Pairs, two_files};
 use super::{Cloth, Garment, GarmentError, GarmentFiles, Panel, ReadOptions, Unit, winding};
 use crate::ids::index32;
@@ -64,7 +65,7 @@ impl Frames {
         options: &ReadOptions,
     ) -> Result<(Garment, Self), GarmentError> {
         let (garment, unit, files) = GarmentFiles::read(flat, first, options)?.garment(options)?;
-        let GarmentFiles { path, flat, draped, pattern, cloth } = files;
+        let GarmentFiles { path, flat, draped, pattern, cloth, .. } = files;
         let Cloth { pairs, reversed, .. } = cloth;
         let corners: Vec<_> =
             garment.panels.iter().map(|panel| corners(panel, &pairs, options.turn)).collect();
@@ -96,7 +97,7 @@ impl Frames {
     pub fn pose(&self, garment: &mut Garment, frame: &Path) -> Result<Vec<String>, GarmentError> {
         // All new positions are collected before the garment changes, so that a bad frame leaves it
         // as it was. First the fast way, for a frame with the connectivity of the first drape.
-        let mesh = obj::read(frame)?;
+        let mesh = file::read(frame)?;
         let same = mesh.connectivity() == self.connectivity
             && mesh.positions.iter().all(|p| p.abs().max_element() <= LARGEST);
         let (draped, mut odd): (Vec<_>, _) = if same {

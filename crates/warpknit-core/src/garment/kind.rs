@@ -2,6 +2,8 @@
 //!
 //! In: the first bytes of a file. Out: how it is read, or the name of a kind that isn't.
 
+use super::usd::package;
+
 /// The kind of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
@@ -11,10 +13,8 @@ pub(super) enum Kind {
     Glb,
     /// JSON, which glTF may be.
     Json,
-    /// USD as text.
-    UsdText,
-    /// USD as a crate file.
-    UsdCrate,
+    /// USD as text, as a crate file, or in a package.
+    Usd,
     /// Polygon file format.
     Ply,
     /// A kind that isn't read, by its name.
@@ -30,15 +30,16 @@ impl Kind {
             (b"BLENDER", "a Blender file"),
             (b"Ogawa", "Alembic"),
             (b"\x89HDF", "Alembic or another HDF5 file"),
-            (b"PK\x03\x04", "a zip archive, such as .zprj, .usdz or .3mf"),
+            (b"PK\x03\x04", "a zip archive, such as .zprj or .3mf"),
             (b"\x89PNG", "a picture"),
             (b"\xFF\xD8\xFF", "a picture"),
             (b"solid ", "STL, which has no UVs"),
             (b"<?xml", "XML, such as COLLADA"),
         ];
         match first {
-            [b'#', b'u', b's', b'd', b'a', ..] => Self::UsdText,
-            [b'P', b'X', b'R', b'-', b'U', b'S', b'D', b'C', ..] => Self::UsdCrate,
+            [b'#', b'u', b's', b'd', b'a', ..] => Self::Usd,
+            [b'P', b'X', b'R', b'-', b'U', b'S', b'D', b'C', ..] => Self::Usd,
+            _ if package::is_package(first) => Self::Usd,
             [b'g', b'l', b'T', b'F', ..] => Self::Glb,
             // No record of OBJ begins so.
             [b'{', ..] | [0xEF, 0xBB, 0xBF, b'{', ..] => Self::Json,
@@ -61,8 +62,8 @@ mod tests {
         assert_eq!(Kind::of(b"ply\nformat ascii 1.0\n"), Kind::Ply);
         assert_eq!(Kind::of(b"Kaydara FBX Binary  \0"), Kind::Other("FBX"));
         assert_eq!(Kind::of(b"{\"asset\":{}}"), Kind::Json);
-        assert_eq!(Kind::of(b"#usda 1.0\n"), Kind::UsdText);
-        assert_eq!(Kind::of(b"PXR-USDC\0\x08"), Kind::UsdCrate);
+        assert_eq!(Kind::of(b"#usda 1.0\n"), Kind::Usd);
+        assert_eq!(Kind::of(b"PXR-USDC\0\x08"), Kind::Usd);
         for obj in [&b"# made by\nv 0 0 0"[..], b"", b"plyv", b"v 1 2 3"] {
             assert_eq!(Kind::of(obj), Kind::Obj);
         }

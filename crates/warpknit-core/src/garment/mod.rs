@@ -3,11 +3,11 @@
 //! In: one OBJ, glTF, USD or PLY with `vt`, or a flat and a draped one ([`read`]). Out: a
 //! [`Garment`] in millimetres, each [`Panel`] in axes of its own.
 //!
-//! The steps: `obj` parses the text into a mesh, `pair` pairs flat and draped triangles, `winding`
-//! turns round the faces that are wound against their neighbours, `pieces` finds the connected
-//! pieces and their planes, `unit` estimates units and scales, `panel` makes panels of the pieces,
-//! and `summary` says what was found and lost. `error` has the messages for everything that may be
-//! wrong with a file.
+//! The steps: `file` has the reader of its kind parse a file into a mesh, `pair` pairs flat and draped
+//! triangles, `winding` turns round the faces that are wound against their neighbours, `pieces` finds
+//! the connected pieces and their planes, `unit` estimates units and scales, `panel` makes panels of
+//! the pieces, and `summary` says what was found and lost. `error` has the messages for everything that
+//! may be wrong with a file.
 //!
 //! Cost: linear in the triangles; docs/performance.md has figures.
 //!
@@ -21,9 +21,10 @@ use rayon::prelude::*;
 
 use crate::ids::FaceId;
 
-mod cursor;
 mod error;
+mod file;
 mod frames;
+mod garmentcode;
 mod gltf;
 mod json;
 mod kind;
@@ -46,6 +47,7 @@ mod vertices;
 mod winding;
 
 pub use error::{ArrayFault, GarmentError, GarmentFault};
+pub use file::{file_of, moments};
 pub use frames::Frames;
 pub use summary::{GarmentSummary, MOST_LOSS, PanelSummary};
 pub use unit::{Unit, UnknownUnit};
@@ -182,7 +184,8 @@ impl Garment {
     }
 }
 
-/// Reads a garment: `flat` and `draped`, or one file whose `vt` are the flat pattern.
+/// Reads a garment: `flat` and `draped`, or one file whose `vt` are the flat pattern. `flat` may be the
+/// JSON of a pattern that GarmentCode made, and `draped` its OBJ.
 ///
 /// # Errors
 /// [`GarmentError`]: a single line that names the file, the line in it where there is one, and what
@@ -214,6 +217,8 @@ struct GarmentFiles<'a> {
     /// The draped file, if there are two files.
     draped: Option<ObjMesh>,
     pattern: FlatSource,
+    /// Length of a unit of the flat pattern, mm, where a file says it.
+    flat_unit_mm: Option<f64>,
     cloth: Cloth,
 }
 
@@ -241,14 +246,20 @@ impl Cloth {
 impl<'a> GarmentFiles<'a> {
     fn read(
         path: &'a Path,
-        draped_path: Option<&Path>,
+        draped_path: Option<&'a Path>,
         options: &ReadOptions,
     ) -> Result<Self, GarmentError> {
         check(options)?;
         let Some(draped_path) = draped_path else {
-            return Self::pair(path, obj::read(path)?, None);
+            return Self::pair(path, file::read(path)?, None);
         };
-        let (flat, draped) = rayon::join(|| obj::read(path), || obj::read(draped_path));
+        if let Some(pattern) = file::pattern(path)? {
+            let wrong = |what| GarmentError::Mesh { path: draped_path.to_path_buf(), what };
+            let mesh = pattern.fit(file::read(draped_path)?).map_err(wrong)?;
+            let files = Self::pair(draped_path, mesh, None)?;
+            return Ok(Self { flat_unit_mm: Some(1.0), ..files });
+        }
+        let (flat, draped) = rayon::join(|| file::read(path), || file::read(draped_path));
         Self::pair(path, flat?, Some((draped_path, draped?)))
     }
 
@@ -261,7 +272,7 @@ impl<'a> GarmentFiles<'a> {
         let Some((draped_path, draped_mesh)) = draped else {
             let cloth = Cloth::new(pair::with_texture(&flat, path)?);
             let pattern = FlatSource::Texture;
-            return Ok(Self { path, flat, draped: None, pattern, cloth });
+            return Ok(Self { path, flat, draped: None, pattern, flat_unit_mm: None, cloth });
         };
         let paths = [path, draped_path];
         let mut pattern = FlatSource::Positions;
@@ -281,7 +292,7 @@ impl<'a> GarmentFiles<'a> {
             ));
             cloth = Cloth::new(pairs);
         }
-        Ok(Self { path, flat, draped: Some(draped_mesh), pattern, cloth })
+        Ok(Self { path, flat, draped: Some(draped_mesh), pattern, flat_unit_mm: None, cloth })
     }
 
     /// The garment alone.
@@ -292,6 +303,8 @@ impl<'a> GarmentFiles<'a> {
     /// The garment and the unit of its draped positions. The files are returned too, since the
     /// frames of a sequence are paired with them.
     fn garment(mut self, options: &ReadOptions) -> Result<(Garment, Unit, Self), GarmentError> {
+        let uv_scale = options.uv_scale.or(self.flat_unit_mm);
+        let options = &ReadOptions { uv_scale, ..options.clone() };
         let mut summary = GarmentSummary::of_pairs(&mut self.cloth);
         let pieces = std::mem::take(&mut self.cloth.pieces);
         let Cloth { pairs, vertices, areas, .. } = &self.cloth;
@@ -321,6 +334,7 @@ impl<'a> GarmentFiles<'a> {
             *point -= summary.origin;
         }
         summary.note_folds(&pieces);
+        summary.name_panels(&panels, &self.flat);
         summary.count_defects(&panels);
         let total = (areas.draped_total() + pairs.untextured_area) * unit_mm * unit_mm;
         summary.note_loss(loss, total, self.path, options.allow_loss)?;

@@ -229,7 +229,7 @@ fn select(pairs: &mut Pairs, flat: &ObjMesh, draped: &ObjMesh, partner: &[u32], 
 }
 
 /// The face of each triangle.
-fn triangle_faces(mesh: &ObjMesh) -> Vec<u32> {
+pub(super) fn triangle_faces(mesh: &ObjMesh) -> Vec<u32> {
     let mut faces = Vec::with_capacity(mesh.triangles.len());
     for (i, face) in mesh.faces.iter().enumerate() {
         faces.extend(std::iter::repeat_n(index32(i), face.triangles()));

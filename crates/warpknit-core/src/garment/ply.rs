@@ -9,19 +9,7 @@ use glam::{DVec2, DVec3};
 
 use super::obj::ObjMesh;
 use super::soup::Soup;
-
-/// A number's type.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Number {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
+use crate::cursor::{Cursor, Number};
 
 #[derive(Debug)]
 struct Property {
@@ -46,9 +34,9 @@ enum Form {
 }
 
 /// What is left of the body.
-struct Body<'a> {
-    form: Form,
-    bytes: &'a [u8],
+enum Body<'a> {
+    Text(&'a [u8]),
+    Binary(Cursor<'a>),
 }
 
 /// Reads the bytes of a PLY.
@@ -57,7 +45,11 @@ struct Body<'a> {
 /// What is wrong with them.
 pub(super) fn parse(bytes: &[u8]) -> Result<ObjMesh, String> {
     let (form, elements, body) = header(bytes)?;
-    let mut body = Body { form, bytes: body };
+    let mut body = match form {
+        Form::Ascii => Body::Text(body),
+        Form::Little => Body::Binary(Cursor::new(body)),
+        Form::Big => Body::Binary(Cursor::big(body)),
+    };
     let (mut places, mut texture) = (Vec::new(), Vec::new());
     let mut soup = Soup::default();
     for element in &elements {
@@ -135,8 +127,8 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, &[u8]), String> {
                     [number] => (None, number),
                     _ => return Err(odd()),
                 };
-                let list = list.map(|length| Number::named(length).ok_or_else(odd)).transpose()?;
-                let number = Number::named(number).ok_or_else(odd)?;
+                let list = list.map(|length| named(length).ok_or_else(odd)).transpose()?;
+                let number = named(number).ok_or_else(odd)?;
                 let element = elements.last_mut().ok_or_else(odd)?;
                 element.properties.push(Property { name: name.to_owned(), list, number });
             }
@@ -148,20 +140,19 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, &[u8]), String> {
     Ok((form.ok_or("its header has no format")?, elements, rest))
 }
 
-impl Number {
-    fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
+/// The kind of number of that name.
+fn named(name: &str) -> Option<Number> {
+    Some(match name {
+        "char" | "int8" => Number::I8,
+        "uchar" | "uint8" => Number::U8,
+        "short" | "int16" => Number::I16,
+        "ushort" | "uint16" => Number::U16,
+        "int" | "int32" => Number::I32,
+        "uint" | "uint32" => Number::U32,
+        "float" | "float32" => Number::F32,
+        "double" | "float64" => Number::F64,
+        _ => return None,
+    })
 }
 
 impl Body<'_> {
@@ -174,7 +165,7 @@ impl Body<'_> {
                 None => 1,
             };
             // A number takes a byte at least, so no count makes more memory than the file has.
-            if count > self.bytes.len() {
+            if count > self.rest().len() {
                 return None;
             }
             row.push((0..count).map(|_| self.number(property.number)).collect::<Option<_>>()?);
@@ -182,35 +173,24 @@ impl Body<'_> {
         (!element.properties.is_empty()).then_some(())
     }
 
-    fn number(&mut self, number: Number) -> Option<f64> {
-        if self.form == Form::Ascii {
-            let start = self.bytes.iter().position(|byte| !byte.is_ascii_whitespace())?;
-            let word = &self.bytes[start..];
-            let end = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
-            self.bytes = &word[end..];
-            return std::str::from_utf8(&word[..end]).ok()?.parse().ok();
+    fn rest(&self) -> &[u8] {
+        match self {
+            Self::Text(rest) => rest,
+            Self::Binary(body) => body.rest(),
         }
-        Some(match number {
-            Number::I8 => i8::from_le_bytes(self.take()?).into(),
-            Number::U8 => u8::from_le_bytes(self.take()?).into(),
-            Number::I16 => i16::from_le_bytes(self.take()?).into(),
-            Number::U16 => u16::from_le_bytes(self.take()?).into(),
-            Number::I32 => i32::from_le_bytes(self.take()?).into(),
-            Number::U32 => u32::from_le_bytes(self.take()?).into(),
-            Number::F32 => f32::from_le_bytes(self.take()?).into(),
-            Number::F64 => f64::from_le_bytes(self.take()?),
-        })
     }
 
-    /// The next bytes, the lowest first.
-    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let (taken, rest) = self.bytes.split_first_chunk::<N>()?;
-        self.bytes = rest;
-        let mut taken = *taken;
-        if self.form == Form::Big {
-            taken.reverse();
+    fn number(&mut self, number: Number) -> Option<f64> {
+        match self {
+            Self::Text(rest) => {
+                let start = rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
+                let word = &rest[start..];
+                let end = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
+                *rest = &word[end..];
+                std::str::from_utf8(&word[..end]).ok()?.parse().ok()
+            }
+            Self::Binary(body) => body.number(number),
         }
-        Some(taken)
     }
 }
 

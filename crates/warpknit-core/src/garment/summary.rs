@@ -8,6 +8,8 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::error::GarmentError;
+use super::obj::ObjMesh;
+use super::pair::triangle_faces;
 use super::pieces::{Piece, Refusal, Refused};
 use super::{Cloth, Panel};
 
@@ -62,6 +64,8 @@ pub struct PanelSummary {
     /// The other sides of its folds: panels of the same piece of the pattern, which lies folded
     /// over itself.
     pub folds: Vec<usize>,
+    /// The name that its faces have in the file, where panels have different ones.
+    pub name: Option<String>,
 }
 
 /// Draped areas that take no stitches, by their reason, mm².
@@ -177,8 +181,32 @@ impl GarmentSummary {
 
     /// Adds a panel.
     pub(super) fn add_panel(&mut self, scale_mm: f64, degenerate: usize) {
-        self.panels.push(PanelSummary { scale_mm, degenerate, folds: Vec::new() });
+        self.panels.push(PanelSummary { scale_mm, degenerate, ..PanelSummary::default() });
         self.degenerate += degenerate;
+    }
+
+    /// Names the panels by the objects, or else the groups, of their faces. A panel whose faces have
+    /// several names has none, and no panel has one where all would have the same.
+    pub(super) fn name_panels(&mut self, panels: &[Panel], flat: &ObjMesh) {
+        if flat.names.is_empty() {
+            return;
+        }
+        let faces = triangle_faces(flat);
+        let name = |panel: &Panel| {
+            let mut labels = panel.faces.iter().map(|face| {
+                let face = &flat.faces[faces[face.0 as usize] as usize];
+                flat.label(face)
+            });
+            let label = labels.next()?;
+            let number = label.object.or(label.group)?;
+            labels.all(|own| own == label).then(|| flat.names[number as usize].clone())
+        };
+        let names: Vec<_> = panels.iter().map(name).collect();
+        if names.iter().any(|name| *name != names[0]) {
+            for (panel, name) in self.panels.iter_mut().zip(names) {
+                panel.name = name;
+            }
+        }
     }
 
     /// Notes which panels are sides of the same folded piece.

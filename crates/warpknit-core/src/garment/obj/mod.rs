@@ -20,17 +20,15 @@
 //! Memory is bounded by the longest record and by the mesh: blanks, comments and unknown records
 //! take none. A face takes 16 bytes, a triangle 12 or 24, a position 24.
 
-use std::fs::File;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use std::io::{self, BufRead, BufReader, Read as _};
+use std::io::BufRead;
 use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::Unit;
 use super::error::{GarmentError, GarmentFault};
-use super::kind::Kind;
-use super::{Unit, gltf, ply, usd};
 use builder::Builder;
 use records::{Records, Stop};
 
@@ -44,7 +42,7 @@ mod tests;
 
 /// Size of the read buffer, bytes. It fits in the L2 cache. Each buffer's end cuts a line, which is
 /// read slowly, so much smaller ones would cost time.
-const BUFFER: usize = 1 << 18;
+pub(super) const BUFFER: usize = 1 << 18;
 /// The index of a texture coordinate that a corner doesn't have.
 pub(super) const UNTEXTURED: u32 = u32::MAX;
 
@@ -129,41 +127,6 @@ impl ObjMesh {
         }
         hasher.finish()
     }
-}
-
-/// Reads one file of any kind that is known.
-pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
-    let mut input = open(path)?;
-    let wrong = |what| GarmentError::Mesh { path: path.to_path_buf(), what };
-    // An error of the first bytes comes again when they are read, with its line.
-    let kind = Kind::of(input.fill_buf().unwrap_or_default());
-    let parse_whole = match kind {
-        Kind::Obj => return parse(input, path),
-        Kind::Ply => |bytes: &[u8], _path: &Path| ply::parse(bytes),
-        Kind::UsdText => |bytes: &[u8], _path: &Path| usd::parse_text(bytes),
-        Kind::UsdCrate => |bytes: &[u8], _path: &Path| usd::parse_crate(bytes),
-        Kind::Glb => gltf::parse_binary,
-        Kind::Json => gltf::parse_text,
-        Kind::Other(kind) => return Err(GarmentError::Kind { path: path.to_path_buf(), kind }),
-    };
-    let mut bytes = Vec::new();
-    input.read_to_end(&mut bytes).map_err(|reason| refused(path, reason))?;
-    parse_whole(&bytes, path).map_err(wrong)
-}
-
-/// The error for a file that the system refused to open.
-fn refused(path: &Path, reason: io::Error) -> GarmentError {
-    GarmentError::Open { path: path.to_path_buf(), reason }
-}
-
-/// Opens a file, but no folder.
-fn open(path: &Path) -> Result<BufReader<File>, GarmentError> {
-    // Opening a folder works on Unix and fails on Windows. Asking first gives the same message on
-    // both.
-    if std::fs::metadata(path).map_err(|reason| refused(path, reason))?.is_dir() {
-        return Err(GarmentError::Directory { path: path.to_path_buf() });
-    }
-    Ok(BufReader::with_capacity(BUFFER, File::open(path).map_err(|reason| refused(path, reason))?))
 }
 
 /// Parses OBJ text. `path` is only for messages.

@@ -1,6 +1,7 @@
 //! The reader against itself and against tobj.
 
 use std::fmt::Write as _;
+use std::io::BufReader;
 
 use proptest::prelude::*;
 

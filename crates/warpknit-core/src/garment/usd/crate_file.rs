@@ -6,10 +6,11 @@
 
 use std::collections::HashMap;
 
-use super::super::cursor::Cursor;
 use super::packed::{numbers, unpacked};
+use super::samples::is_smooth;
 use super::values::Values;
 use super::{Attribute, CONVERT, DEEPEST, Prim, Stage, Value, is_needed};
+use crate::cursor::Cursor;
 
 /// The oldest version whose sections are in blocks.
 const OLDEST: u8 = 4;
@@ -26,7 +27,7 @@ const ROOT: i32 = 7;
 ///
 /// # Errors
 /// What is wrong with it.
-pub(super) fn stage(bytes: &[u8]) -> Result<Stage, String> {
+pub(super) fn stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
     let minor = match bytes.get(8..10) {
         Some([0, minor]) => *minor,
         Some([major, _]) => return Err(format!("is a crate file of version {major}: {CONVERT}")),
@@ -45,7 +46,7 @@ pub(super) fn stage(bytes: &[u8]) -> Result<Stage, String> {
     let tokens = tokens_of(&tokens).ok_or_else(|| part("TOKENS"))?;
     let strings = strings(section("STRINGS")?).ok_or_else(|| part("STRINGS"))?;
     let file = File {
-        values: Values { bytes, minor, tokens, strings },
+        values: Values { bytes, minor, time, tokens, strings },
         fields: fields(section("FIELDS")?).ok_or_else(|| part("FIELDS"))?,
         sets: column(section("FIELDSETS")?).ok_or_else(|| part("FIELDSETS"))?,
         paths: paths(section("PATHS")?).ok_or_else(|| part("PATHS"))?,
@@ -291,11 +292,10 @@ impl File<'_> {
                 "typeName" => own.kind = text(self.values.value(word)?)?,
                 "interpolation" => own.interpolation = text(self.values.value(word)?)?,
                 "timeSamples" => {
-                    own.value = self.values.value(word)?;
-                    own.is_sampled = true;
+                    (own.times, own.value) = self.values.sampled(word, is_smooth(&own.name))?;
                 }
                 // What isn't understood is no primvar of texture coordinates.
-                "default" if !own.is_sampled => {
+                "default" if own.times.is_empty() => {
                     let value = self.values.value(word);
                     let is_geometry = !own.name.starts_with("primvars:");
                     own.value = if is_geometry { value? } else { value.unwrap_or_default() };

@@ -1,9 +1,10 @@
-//! USD to a triangulated mesh (OpenUSD 24.08): text (`text`) and crate files (`crate_file`).
+//! USD to a triangulated mesh (OpenUSD 24.08): text (`text`), crate files (`crate_file`), and either
+//! in a `.usdz` (`package`).
 //!
-//! In: a file's bytes. Out: an [`ObjMesh`] with the faces of all `Mesh` prims, moved by the
+//! In: a file's bytes and a time. Out: an [`ObjMesh`] with the faces of all `Mesh` prims, moved by the
 //! transforms above them, with y up, and the length of a stage's unit. The flat pattern is the
-//! first texture coordinate primvar, `primvars:st` before others. Where an attribute has time
-//! samples, the first one counts.
+//! first texture coordinate primvar, `primvars:st` before others. Where attributes have time samples,
+//! they are those of that time (`samples`), and without one the first. [`times`] lists them.
 //!
 //! Method: either reader gives the prims as a [`Stage`]; meshes are taken from it here. Prims that
 //! are inactive, invisible, guides, proxies, `over` or `class` are left out.
@@ -18,7 +19,9 @@ use super::obj::ObjMesh;
 use super::soup::Soup;
 
 mod crate_file;
+pub(super) mod package;
 mod packed;
+mod samples;
 mod text;
 mod values;
 
@@ -59,8 +62,8 @@ struct Attribute {
     /// `texCoord2f[]`.
     kind: String,
     value: Value,
-    /// Whether the value is one of many over time.
-    is_sampled: bool,
+    /// The times of its samples, if the value is one of them.
+    times: Vec<f64>,
     interpolation: String,
 }
 
@@ -85,20 +88,46 @@ fn is_needed(name: &str) -> bool {
     NAMES.contains(&name) || name.starts_with("primvars:") || name.starts_with("xformOp:")
 }
 
-/// Reads the bytes of USD text.
-///
-/// # Errors
-/// What is wrong with them, with the line.
-pub(super) fn parse_text(bytes: &[u8]) -> Result<ObjMesh, String> {
-    mesh(text::stage(bytes)?)
-}
-
-/// Reads the bytes of a crate file.
+/// Reads the bytes of any USD file.
 ///
 /// # Errors
 /// What is wrong with them.
-pub(super) fn parse_crate(bytes: &[u8]) -> Result<ObjMesh, String> {
-    mesh(crate_file::stage(bytes)?)
+pub(super) fn parse(bytes: &[u8], time: Option<f64>) -> Result<ObjMesh, String> {
+    mesh(stage(bytes, time)?)
+}
+
+/// The times of all samples that meshes and their transforms have, in order.
+///
+/// # Errors
+/// What is wrong with the bytes.
+pub(super) fn times(bytes: &[u8]) -> Result<Vec<f64>, String> {
+    fn add(prim: &Prim, times: &mut Vec<f64>) {
+        let moving = prim.attributes.iter().filter(|own| samples::is_smooth(&own.name));
+        times.extend(moving.flat_map(|own| &own.times));
+        prim.children.iter().for_each(|child| add(child, times));
+    }
+    let mut times = Vec::new();
+    stage(bytes, None)?.prims.iter().for_each(|prim| add(prim, &mut times));
+    times.retain(|time| time.is_finite());
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    Ok(times)
+}
+
+fn stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
+    if package::is_package(bytes) {
+        return plain_stage(package::first(bytes)?, time);
+    }
+    plain_stage(bytes, time)
+}
+
+/// A stage that is in no package.
+fn plain_stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
+    if bytes.starts_with(b"PXR-USDC") {
+        crate_file::stage(bytes, time)
+    } else {
+        text::stage(bytes, time)
+    }
 }
 
 fn mesh(stage: Stage) -> Result<ObjMesh, String> {

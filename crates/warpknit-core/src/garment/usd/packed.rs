@@ -5,7 +5,7 @@
 //! In: bytes of the file. Out: bytes and numbers, or `None` for what is damaged. Memory: what a
 //! block truly holds, up to [`MOST_BYTES`]; a count that claims more makes none.
 
-use super::super::cursor::Cursor;
+use crate::cursor::Cursor;
 
 /// The most bytes that a block may unpack to: over 60 million corners of faces.
 const MOST_BYTES: usize = 1 << 28;
@@ -42,7 +42,7 @@ fn unpack(packed: &[u8], bytes: &mut Vec<u8>) -> Option<()> {
         if block.rest().is_empty() {
             return (bytes.len() <= MOST_BYTES).then_some(());
         }
-        let distance = usize::from(u16::from_le_bytes(block.take()?));
+        let distance = usize::from(block.u16()?);
         let copied = length(&mut block, token & 15)? + SHORTEST_COPY;
         let start = bytes.len().checked_sub(distance).filter(|_| distance > 0)?;
         (bytes.len() + copied <= MOST_BYTES).then_some(())?;

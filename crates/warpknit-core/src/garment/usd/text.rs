@@ -3,14 +3,15 @@
 //! In: bytes. Out: prims with the attributes that meshes need. Everything else is passed over by
 //! its brackets. Cost: linear. Not promised: that a file is refused for what usd-core minds.
 
+use super::samples::{Between, is_smooth, mixed};
 use super::{Attribute, CONVERT, DEEPEST, Prim, Stage, Value, is_needed};
 
 /// Reads a whole text.
 ///
 /// # Errors
 /// The first line that isn't understood.
-pub(super) fn stage(bytes: &[u8]) -> Result<Stage, String> {
-    let mut reader = Reader { bytes, at: 0 };
+pub(super) fn stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
+    let mut reader = Reader { bytes, at: 0, time };
     reader.layer().ok_or_else(|| {
         let before = &bytes[..reader.at.min(bytes.len())];
         let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
@@ -37,6 +38,8 @@ impl Metadata {
 struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
+    /// The time whose values are wanted.
+    time: Option<f64>,
 }
 
 /// Whether values of a type are floats of 32 bits: `float`, `float3`, `point3f`, `texCoord2f`.
@@ -309,10 +312,10 @@ impl<'a> Reader<'a> {
         }
         let whole = self.word()?;
         let (name, part) = whole.split_once('.').unwrap_or((whole, ""));
-        let mut value = None;
+        let (mut value, mut times) = (None, Vec::new());
         if self.takes(b'=') {
             if part == "timeSamples" {
-                value = self.first_sample()?;
+                (times, value) = self.sample(is_smooth(name))?;
             } else {
                 value = Some(self.value()?);
             }
@@ -340,9 +343,9 @@ impl<'a> Reader<'a> {
             }
         };
         if let Some(value) = value
-            && (part == "timeSamples" || !own.is_sampled)
+            && (part == "timeSamples" || own.times.is_empty())
         {
-            own.is_sampled = part == "timeSamples";
+            own.times = times;
             own.value = value;
         }
         if !interpolation.is_empty() {
@@ -351,22 +354,24 @@ impl<'a> Reader<'a> {
         Some(())
     }
 
-    /// The value of the earliest time in braces.
-    fn first_sample(&mut self) -> Option<Option<Value>> {
-        let mut first: Option<(f64, Value)> = None;
+    /// The times in braces, and the value of the one that is wanted.
+    fn sample(&mut self, is_smooth: bool) -> Option<(Vec<f64>, Option<Value>)> {
+        let mut samples = Vec::new();
         self.expect(b'{')?;
         while !self.takes(b'}') {
-            let time = self.time()?;
-            let value = self.value()?;
-            if first.as_ref().is_none_or(|(earliest, _)| time < *earliest) {
-                first = Some((time, value));
-            }
+            samples.push((self.time()?, self.value()?));
             if !self.takes(b',') {
                 self.expect(b'}')?;
                 break;
             }
         }
-        Some(first.map(|(_, value)| value))
+        samples.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let (times, mut values): (Vec<_>, Vec<_>) = samples.into_iter().unzip();
+        let value = Between::of(&times, self.time).map(|Between { before, after, share }| {
+            let own = std::mem::take(&mut values[before]);
+            if is_smooth && share > 0.0 { mixed(own, &values[after], share) } else { own }
+        });
+        Some((times, value))
     }
 
     /// A time and the colon behind it, which a word may hold.
@@ -390,7 +395,7 @@ impl<'a> Reader<'a> {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::{Unit, parse_text};
+    use super::super::{Unit, parse, times};
 
     const SQUARE: &str = r#"#usda 1.0
 (
@@ -417,16 +422,30 @@ def Xform "up" (kind = "component" prepend apiSchemas = ["A"]) {
 
     #[test]
     fn a_square_is_read_and_its_start_refused() {
-        let mesh = parse_text(SQUARE.as_bytes()).unwrap();
+        let mesh = parse(SQUARE.as_bytes(), None).unwrap();
         assert_eq!((mesh.positions.len(), mesh.triangles.len(), mesh.untextured), (4, 2, 0));
         assert_eq!(mesh.positions[3].to_array(), [0.0, -5.0, -1.0]);
         assert_eq!(mesh.texture[2].y, f64::from(0.1_f32));
         assert_eq!(mesh.unit, Some(Unit::Cm));
         assert_eq!(mesh.names, ["cloth"]);
         for end in 0..SQUARE.len() - 2 {
-            let message = parse_text(&SQUARE.as_bytes()[..end]).unwrap_err();
+            let message = parse(&SQUARE.as_bytes()[..end], None).unwrap_err();
             assert!(!message.contains('\n'), "{message}");
         }
+    }
+
+    #[test]
+    fn points_and_transforms_are_those_of_the_time() {
+        let moving = SQUARE.replace("[(9,9,9)]", "[(0,0,0), (1,0,0), (1,1,0), (0,1,-20)]");
+        let moving = moving.replace(
+            "translate = (0, 0, 5)",
+            "translate.timeSamples = { 1: (0, 0, 5), 2: (0, 0, 9), 3: None }",
+        );
+        assert_eq!(times(moving.as_bytes()), Ok(vec![1.0, 1.5, 2.0, 3.0]));
+        let corner = |time| parse(moving.as_bytes(), time).unwrap().positions[3].to_array();
+        assert_eq!(corner(None), corner(Some(1.0)));
+        assert_eq!(corner(Some(1.75)), [0.0, -15.0 + 8.0, -1.0]);
+        assert!(parse(moving.as_bytes(), Some(9.0)).is_err());
     }
 
     #[test]
@@ -448,11 +467,11 @@ def Xform "up" (kind = "component" prepend apiSchemas = ["A"]) {
         ];
         for (from, to, says) in wrong {
             assert!(SQUARE.contains(from), "{from}");
-            let message = parse_text(SQUARE.replacen(from, to, 1).as_bytes()).unwrap_err();
+            let message = parse(SQUARE.replacen(from, to, 1).as_bytes(), None).unwrap_err();
             assert!(message.contains(says) && !message.contains('\n'), "{to}: {message}");
         }
         let deep = format!("#usda 1.0\n{}", "def \"a\" {".repeat(100_000));
-        assert!(parse_text(deep.as_bytes()).is_err());
+        assert!(parse(deep.as_bytes(), None).is_err());
     }
 
     proptest! {
@@ -462,7 +481,7 @@ def Xform "up" (kind = "component" prepend apiSchemas = ["A"]) {
         ) {
             let mut file = SQUARE.to_owned();
             file.insert_str(at.index(SQUARE.len()), &text);
-            let _read = parse_text(file.as_bytes());
+            let _read = parse(file.as_bytes(), None);
         }
     }
 }

@@ -4,9 +4,10 @@
 //! or `None` for what is damaged or of no use to a mesh. Memory: an array's numbers, of which the
 //! file must hold the bytes.
 
-use super::super::cursor::Cursor;
 use super::Value;
 use super::packed::{long_numbers, numbers};
+use super::samples::{Between, mixed};
+use crate::cursor::{Cursor, Number, long};
 
 /// Marks of a word: an array, a value in the word itself, coded numbers.
 const ARRAY: u64 = 1 << 63;
@@ -22,23 +23,11 @@ pub(super) struct Values<'a> {
     pub(super) bytes: &'a [u8],
     /// The middle number of the format's version.
     pub(super) minor: u8,
+    /// The time whose values are wanted.
+    pub(super) time: Option<f64>,
     pub(super) tokens: Vec<&'a str>,
     /// Tokens that are strings.
     pub(super) strings: Vec<u32>,
-}
-
-/// A kind of number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Number {
-    U8,
-    I8,
-    I32,
-    U32,
-    I64,
-    U64,
-    F16,
-    F32,
-    F64,
 }
 
 /// What a type of values is made of.
@@ -56,6 +45,8 @@ enum Kind {
     Tokens,
     Samples,
     Specifier,
+    /// Doubles with their count, such as times.
+    Doubles,
 }
 
 impl Kind {
@@ -84,51 +75,9 @@ impl Kind {
             41 => Self::Tokens,
             42 => Self::Specifier,
             46 => Self::Samples,
+            48 => Self::Doubles,
             _ => return None,
         })
-    }
-}
-
-impl Number {
-    fn read(self, bytes: &mut Cursor<'_>) -> Option<f64> {
-        Some(match self {
-            Self::U8 => bytes.take::<1>()?[0].into(),
-            Self::I8 => i8::from_le_bytes(bytes.take()?).into(),
-            Self::I32 => i32::from_le_bytes(bytes.take()?).into(),
-            Self::U32 => bytes.u32()?.into(),
-            Self::I64 => long(bytes.i64()?),
-            Self::U64 => long(bytes.u64()?.cast_signed()),
-            Self::F16 => half(u16::from_le_bytes(bytes.take()?)),
-            Self::F32 => f32::from_le_bytes(bytes.take()?).into(),
-            Self::F64 => f64::from_le_bytes(bytes.take()?),
-        })
-    }
-
-    fn bytes(self) -> usize {
-        match self {
-            Self::U8 | Self::I8 => 1,
-            Self::F16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-}
-
-/// A long number, to within what a float holds: indices of points are far smaller.
-#[expect(clippy::cast_precision_loss, reason = "no index reaches 2^53")]
-fn long(number: i64) -> f64 {
-    number as f64
-}
-
-/// A float of 16 bits (IEEE 754).
-fn half(bits: u16) -> f64 {
-    let sign = if bits >> 15 == 0 { 1.0 } else { -1.0 };
-    let (exponent, fraction) = (bits >> 10 & 31, f64::from(bits & 1023));
-    sign * match exponent {
-        0 => fraction * 2_f64.powi(-24),
-        31 if fraction == 0.0 => f64::INFINITY,
-        31 => f64::NAN,
-        _ => (1024.0 + fraction) * 2_f64.powi(i32::from(exponent) - 25),
     }
 }
 
@@ -145,22 +94,24 @@ impl Values<'_> {
         let mut value = Value::default();
         match Kind::of(word >> 48 & 0xFF)? {
             Kind::Numbers(number, width) => {
-                value.numbers = (0..width).map(|_| number.read(&mut at)).collect::<Option<_>>()?;
+                value.numbers = at.numbers(number, width)?;
             }
             Kind::Matrix(width) => {
-                value.numbers =
-                    (0..width * width).map(|_| Number::F64.read(&mut at)).collect::<Option<_>>()?;
+                value.numbers = at.numbers(Number::F64, width * width)?;
             }
             Kind::Turn(number) => {
-                value.numbers = (0..4).map(|_| number.read(&mut at)).collect::<Option<_>>()?;
+                value.numbers = at.numbers(number, 4)?;
                 value.numbers.rotate_right(1);
             }
             Kind::Tokens => {
                 let count = at.u64()?;
                 value.texts = self.texts(&mut at, count)?;
             }
-            Kind::Samples => return self.first_sample(word & PAYLOAD),
-            Kind::Token | Kind::String | Kind::Specifier => return None,
+            Kind::Doubles => {
+                let count = usize::try_from(at.u64()?).ok()?;
+                value.numbers = at.numbers(Number::F64, count)?;
+            }
+            Kind::Samples | Kind::Token | Kind::String | Kind::Specifier => return None,
         }
         Some(value)
     }
@@ -186,21 +137,20 @@ impl Values<'_> {
                     Number::F64 => Number::F32,
                     own => own,
                 };
-                value.numbers.push(short.read(&mut own)?);
+                value.numbers.push(own.number(short)?);
             }
             Kind::Numbers(_, width) => {
-                value.numbers =
-                    (0..width).map(|_| Number::I8.read(&mut own)).collect::<Option<_>>()?;
+                value.numbers = own.numbers(Number::I8, width)?;
             }
             // Its diagonal.
             Kind::Matrix(width) => {
                 value.numbers = vec![0.0; width * width];
                 for row in 0..width {
-                    value.numbers[row * (width + 1)] = Number::I8.read(&mut own)?;
+                    value.numbers[row * (width + 1)] = own.number(Number::I8)?;
                 }
             }
             Kind::Specifier => value.numbers.push(payload.into()),
-            Kind::Turn(_) | Kind::Tokens | Kind::Samples => return None,
+            Kind::Turn(_) | Kind::Tokens | Kind::Samples | Kind::Doubles => return None,
         }
         Some(value)
     }
@@ -223,12 +173,8 @@ impl Values<'_> {
                 value.numbers = coded(number, &mut at, count)?;
             }
             Kind::Numbers(number, width) => {
-                let bytes = count.checked_mul((width * number.bytes()) as u64)?;
-                let mut own = Cursor::new(at.slice(bytes)?);
-                value.numbers.reserve_exact(own.rest().len() / number.bytes());
-                while !own.rest().is_empty() {
-                    value.numbers.push(number.read(&mut own)?);
-                }
+                let count = usize::try_from(count.checked_mul(width as u64)?).ok()?;
+                value.numbers = at.numbers(number, count)?;
             }
             Kind::Token => value.texts = self.texts(&mut at, count)?,
             _ => return None,
@@ -236,19 +182,27 @@ impl Values<'_> {
         Some(value)
     }
 
-    /// The first of the values over time. A jump counts from its own place.
-    fn first_sample(&self, place: u64) -> Option<Value> {
+    /// The times of the values over time, and the value of the one that is wanted. A jump counts from
+    /// its own place.
+    pub(super) fn sampled(&self, word: u64, is_smooth: bool) -> Option<(Vec<f64>, Value)> {
+        matches!(Kind::of(word >> 48 & 0xFF)?, Kind::Samples).then_some(())?;
         let jump = |place: u64| {
             let jump = Cursor::at(self.bytes, place)?.i64()?;
             place.checked_add_signed(jump)
         };
-        let times = jump(place)?;
-        let mut values = Cursor::at(self.bytes, jump(times.checked_add(8)?)?)?;
-        let count = values.u64()?;
-        let first = (count > 0).then(|| values.u64())??;
-        // Samples have no samples in them.
-        let is_nested = matches!(Kind::of(first >> 48 & 0xFF), Some(Kind::Samples));
-        (!is_nested).then(|| self.value(first))?
+        let times_place = jump(word & PAYLOAD)?;
+        let times = self.value(Cursor::at(self.bytes, times_place)?.u64()?)?.numbers;
+        let values_place = jump(times_place.checked_add(8)?)?;
+        let count = Cursor::at(self.bytes, values_place)?.u64()?;
+        (count == times.len() as u64).then_some(())?;
+        let value = |place: usize| {
+            let place = values_place.checked_add(8 * (place as u64 + 1))?;
+            self.value(Cursor::at(self.bytes, place)?.u64()?)
+        };
+        let Between { before, after, share } = Between::of(&times, self.time)?;
+        let own = value(before)?;
+        let is_between = is_smooth && share > 0.0;
+        Some((times, if is_between { mixed(own, &value(after)?, share) } else { own }))
     }
 
     /// The token of that number.
@@ -285,16 +239,14 @@ fn coded(number: Number, at: &mut Cursor<'_>, count: u64) -> Option<Vec<f64>> {
         Number::F16 | Number::F32 | Number::F64 => match at.take()? {
             [b'i'] => block(at).map(floats),
             [b't'] => {
-                let size = at.u32()?;
-                let mut table = Cursor::new(at.slice(u64::from(size) * number.bytes() as u64)?);
-                let table: Option<Vec<_>> = (0..size).map(|_| number.read(&mut table)).collect();
-                let table = table?;
+                let size = at.count()?;
+                let table = at.numbers(number, size)?;
                 let place = |place: i32| table.get(usize::try_from(place).ok()?).copied();
                 block(at)?.into_iter().map(place).collect()
             }
             _ => None,
         },
-        Number::U8 | Number::I8 => None,
+        Number::U8 | Number::I8 | Number::I16 | Number::U16 => None,
     }
 }
 
@@ -303,25 +255,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn halves_are_those_of_the_standard() {
-        let pairs = [
-            (0x0000, 0.0),
-            (0x3C00, 1.0),
-            (0xC000, -2.0),
-            (0x3555, 0.333_251_953_125),
-            (0x0001, 2_f64.powi(-24)),
-            (0x7BFF, 65504.0),
-            (0x7C00, f64::INFINITY),
-        ];
-        for (bits, number) in pairs {
-            assert_eq!(half(bits), number, "{bits:#x}");
-        }
-        assert!(half(0x7C01).is_nan());
-    }
-
-    #[test]
     fn words_hold_short_values() {
-        let values = Values { bytes: &[], minor: 8, tokens: vec!["", "Mesh"], strings: vec![1] };
+        let values =
+            Values { bytes: &[], minor: 8, time: None, tokens: vec!["", "Mesh"], strings: vec![1] };
         let word = |kind: u64, payload: u64| INLINED | kind << 48 | payload;
         let numbers = |word| values.value(word).unwrap().numbers;
         assert_eq!(numbers(word(9, 0.5_f32.to_bits().into())), [0.5]);

@@ -12,6 +12,7 @@
 
 use super::grid::KNOTS;
 use super::table::{Knot, StrainTable};
+use crate::cursor::Cursor;
 use crate::ids::index32;
 
 /// First bytes of a table.
@@ -106,14 +107,14 @@ impl StrainTable {
 
     /// Reads all knots, or nothing.
     fn read(&self, bytes: &[u8]) -> Option<Vec<(usize, Knot)>> {
-        let mut bytes = Reader(bytes);
-        let is_ours = bytes.take(MAGIC.len())? == MAGIC;
-        let checksum = u64::from_le_bytes(bytes.array()?);
-        if !is_ours || fnv(FNV_BASIS, bytes.0) != checksum {
+        let mut bytes = Cursor::new(bytes);
+        let is_ours = bytes.take()? == MAGIC;
+        let checksum = bytes.u64()?;
+        if !is_ours || fnv(FNV_BASIS, bytes.rest()) != checksum {
             return None;
         }
-        let key_len = bytes.count()?;
-        if bytes.take(key_len)? != self.key() {
+        let key_len = bytes.u32()?;
+        if bytes.slice(key_len.into())? != self.key() {
             return None;
         }
         let count = bytes.count()?;
@@ -121,13 +122,13 @@ impl StrainTable {
             return None;
         }
         let knots = (0..count).map(|_| self.read_knot(&mut bytes)).collect::<Option<Vec<_>>>()?;
-        (bytes.0.is_empty() && knots.is_sorted_by_key(|(number, _)| *number)).then_some(knots)
+        (bytes.rest().is_empty() && knots.is_sorted_by_key(|(number, _)| *number)).then_some(knots)
     }
 
-    fn read_knot(&self, bytes: &mut Reader<'_>) -> Option<(usize, Knot)> {
+    fn read_knot(&self, bytes: &mut Cursor<'_>) -> Option<(usize, Knot)> {
         let number = bytes.count().filter(|number| *number < KNOTS)?;
-        let lock = f32::from_le_bytes(bytes.array()?);
-        let (parts, _) = bytes.take(12 * self.rest.points.len())?.as_chunks::<4>();
+        let lock = bytes.f32()?;
+        let (parts, _) = bytes.slice(12 * self.rest.points.len() as u64)?.as_chunks::<4>();
         let parts: Vec<_> = parts.iter().map(|part| f32::from_le_bytes(*part)).collect();
         let (offsets, _) = parts.as_chunks::<3>();
         let is_sound = lock >= 0.0 && parts.iter().all(|part| part.is_finite());
@@ -150,25 +151,6 @@ impl StrainTable {
         }
         rest.points.iter().for_each(|point| add(&point.to_array()));
         key
-    }
-}
-
-/// The bytes that are still to be read.
-struct Reader<'a>(&'a [u8]);
-
-impl<'a> Reader<'a> {
-    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
-        let (taken, rest) = self.0.split_at_checked(count)?;
-        self.0 = rest;
-        Some(taken)
-    }
-
-    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.take(N)?.try_into().ok()
-    }
-
-    fn count(&mut self) -> Option<usize> {
-        usize::try_from(u32::from_le_bytes(self.array()?)).ok()
     }
 }
 

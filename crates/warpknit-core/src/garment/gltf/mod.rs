@@ -10,15 +10,17 @@
 //! Not promised: meshopt and Draco compression, sparse accessors and external addresses, which
 //! have errors; skins and morph targets, whose meshes are taken at rest; texture transforms.
 
-use std::borrow::Cow;
 use std::path::Path;
 
 use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3};
 
-use super::cursor::Cursor;
 use super::json::Json;
 use super::obj::ObjMesh;
 use super::soup::Soup;
+use crate::cursor::Cursor;
+use buffers::Buffers;
+
+mod buffers;
 
 /// How deep nodes may lie in each other. Skeletons of people have some thirty levels.
 const DEEPEST: usize = 128;
@@ -65,6 +67,9 @@ fn header(file: &mut Cursor<'_>) -> Option<[u32; 3]> {
 /// What is wrong with them.
 pub(super) fn parse_text(bytes: &[u8], path: &Path) -> Result<ObjMesh, String> {
     let root = Json::parse(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes))?;
+    if root.get("pattern").is_some() {
+        return Err("is a pattern of GarmentCode: give its OBJ behind it".to_owned());
+    }
     if root.get("asset").is_none() {
         return Err("is JSON, but not glTF: export the garment as OBJ, GLB, USD or PLY".to_owned());
     }
@@ -80,13 +85,9 @@ fn mesh(root: &Json, body: Option<&[u8]>, path: &Path) -> Result<ObjMesh, String
             ));
         }
     }
-    let buffers = root.list("buffers").iter().enumerate();
-    let buffers = buffers
-        .map(|(number, buffer)| bytes_of(number, buffer, body, path))
-        .collect::<Result<_, _>>()?;
     let mut scene = Scene {
         root,
-        buffers,
+        buffers: Buffers::read(root, body, path)?,
         soup: Soup::default(),
         is_read: vec![false; root.list("nodes").len()],
     };
@@ -96,73 +97,10 @@ fn mesh(root: &Json, body: Option<&[u8]>, path: &Path) -> Result<ObjMesh, String
     scene.soup.into_mesh().ok_or_else(|| "has no triangle: export the garment as a mesh".to_owned())
 }
 
-/// The bytes of a buffer: the file's own, those of a file beside it, or those in its address.
-fn bytes_of<'a>(
-    number: usize,
-    buffer: &Json,
-    body: Option<&'a [u8]>,
-    path: &Path,
-) -> Result<Cow<'a, [u8]>, String> {
-    let Some(address) = buffer.text("uri") else {
-        let own = body.filter(|_| number == 0);
-        return own.map(Cow::Borrowed).ok_or_else(|| format!("its buffer {number} isn't there"));
-    };
-    if let Some(data) = address.strip_prefix("data:") {
-        let (_, code) = data.split_once(";base64,").unwrap_or_default();
-        let bytes = base64(code).filter(|bytes| !bytes.is_empty());
-        return bytes
-            .map(Cow::Owned)
-            .ok_or_else(|| format!("its buffer {number} holds no base64: export it again"));
-    }
-    let name = unescaped(address).filter(|name| !name.contains(':'));
-    let Some(name) = name else {
-        return Err(format!("its buffer {number} isn't a file beside it: export it as .glb"));
-    };
-    let beside = path.with_file_name(&name);
-    std::fs::read(&beside).map(Cow::Owned).map_err(|reason| {
-        format!("its buffer {name:?} cannot be read ({reason}): put it beside, or export .glb")
-    })
-}
-
-/// An address with its `%20` as the bytes that they stand for.
-fn unescaped(address: &str) -> Option<String> {
-    let mut bytes = Vec::new();
-    let mut parts = address.split('%');
-    bytes.extend_from_slice(parts.next()?.as_bytes());
-    for part in parts {
-        bytes.push(u8::from_str_radix(part.get(..2)?, 16).ok()?);
-        bytes.extend_from_slice(&part.as_bytes()[2..]);
-    }
-    String::from_utf8(bytes).ok()
-}
-
-/// The bytes of base64 (RFC 4648), padded or not.
-fn base64(code: &str) -> Option<Vec<u8>> {
-    let code = code.trim_end_matches('=').as_bytes();
-    let mut bytes = Vec::with_capacity(code.len() / 4 * 3 + 3);
-    for four in code.chunks(4) {
-        let mut bits = 0_u32;
-        for (place, letter) in four.iter().enumerate() {
-            let digit = match letter {
-                b'A'..=b'Z' => letter - b'A',
-                b'a'..=b'z' => letter - b'a' + 26,
-                b'0'..=b'9' => letter - b'0' + 52,
-                b'+' => 62,
-                b'/' => 63,
-                _ => return None,
-            };
-            bits |= u32::from(digit) << (26 - 6 * place);
-        }
-        // Three letters hold two bytes, and two hold one.
-        bytes.extend_from_slice(&bits.to_be_bytes()[..four.len() - 1]);
-    }
-    Some(bytes)
-}
-
 /// A scene that is being read.
 struct Scene<'a> {
     root: &'a Json,
-    buffers: Vec<Cow<'a, [u8]>>,
+    buffers: Buffers<'a>,
     soup: Soup,
     /// Nodes that have been read. Each has one parent at most.
     is_read: Vec<bool>,
@@ -219,21 +157,22 @@ impl Scene<'_> {
         let Some(places) = attribute("POSITION").filter(|_| matches!(form, 4..=6)) else {
             return Ok(());
         };
-        let places = self.accessor(places, 3)?;
+        let places = self.buffers.accessor(places, 3)?;
         let places: Vec<_> = places
             .as_chunks()
             .0
             .iter()
             .map(|place| scene_from_node.transform_point3(DVec3::from_array(*place)))
             .collect();
-        let texture = attribute("TEXCOORD_0").map(|own| self.accessor(own, 2)).transpose()?;
+        let texture =
+            attribute("TEXCOORD_0").map(|own| self.buffers.accessor(own, 2)).transpose()?;
         let texture = texture.map(|texture| {
             let texture = texture.as_chunks::<2>().0.iter();
             texture.map(|[u, v]| DVec2::new(*u, 1.0 - v)).collect::<Vec<_>>()
         });
         let corners: Vec<usize> = match primitive.get("indices") {
             Some(indices) => {
-                let indices = self.accessor(indices.as_index().unwrap_or(usize::MAX), 1)?;
+                let indices = self.buffers.accessor(indices.as_index().unwrap_or(usize::MAX), 1)?;
                 indices.into_iter().map(crate::number::whole_f64).collect()
             }
             None => (0..places.len()).collect(),
@@ -259,46 +198,6 @@ impl Scene<'_> {
             }
         }
         Ok(())
-    }
-
-    /// The numbers of an accessor with `width` in each element.
-    fn accessor(&self, number: usize, width: usize) -> Result<Vec<f64>, String> {
-        let accessor = self.root.list("accessors").get(number);
-        let accessor = accessor.ok_or_else(|| missing("accessor", number))?;
-        if accessor.get("sparse").is_some() {
-            return Err("has sparse accessors, which aren't read: export it without".to_owned());
-        }
-        let what = || format!("has an accessor {number} that is wrong or beyond its buffer");
-        self.numbers(accessor, width).ok_or_else(what)
-    }
-
-    fn numbers(&self, accessor: &Json, width: usize) -> Option<Vec<f64>> {
-        let kind = ["SCALAR", "VEC2", "VEC3"][width - 1];
-        (accessor.text("type") == Some(kind)).then_some(())?;
-        let component = Component::of(accessor.index("componentType")?)?;
-        let is_unit = accessor.get("normalized") == Some(&Json::Bool(true));
-        let count = accessor.index("count")?;
-        let view = self.root.list("bufferViews").get(accessor.index("bufferView")?)?;
-        let bytes = self.buffers.get(view.index("buffer")?)?;
-        let offset = |of: &Json| of.index("byteOffset").unwrap_or(0);
-        let start = offset(view);
-        let bytes = bytes.get(start..start.checked_add(view.index("byteLength")?)?)?;
-        let bytes = bytes.get(offset(accessor)..)?;
-        let own = width * component.bytes();
-        let stride = view.index("byteStride").unwrap_or(own);
-        // No count makes more memory than the file has: each element takes a byte at least.
-        if stride < own || count == 0 {
-            return (count == 0).then(Vec::new);
-        }
-        (stride.checked_mul(count - 1)?.checked_add(own)? <= bytes.len()).then_some(())?;
-        let mut numbers = Vec::with_capacity(count * width);
-        for element in bytes.chunks(stride).take(count) {
-            let mut element = Cursor::new(element);
-            for _ in 0..width {
-                numbers.push(component.read(&mut element, is_unit)?);
-            }
-        }
-        Some(numbers)
     }
 }
 
@@ -366,53 +265,6 @@ fn triangles(corners: &[usize], form: usize) -> Result<Vec<[usize; 3]>, String> 
         _ => [corners[at + 1], corners[at], corners[at + 2]],
     });
     Ok(windows.collect())
-}
-
-/// The type of an accessor's numbers.
-#[derive(Clone, Copy, Debug)]
-enum Component {
-    I8,
-    U8,
-    I16,
-    U16,
-    U32,
-    F32,
-}
-
-impl Component {
-    /// By its number in the format, which is that of OpenGL.
-    fn of(number: usize) -> Option<Self> {
-        Some(match number {
-            5120 => Self::I8,
-            5121 => Self::U8,
-            5122 => Self::I16,
-            5123 => Self::U16,
-            5125 => Self::U32,
-            5126 => Self::F32,
-            _ => return None,
-        })
-    }
-
-    fn bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-        }
-    }
-
-    /// The next number. Normalised ones are fractions of the type's largest.
-    fn read(self, bytes: &mut Cursor<'_>, is_unit: bool) -> Option<f64> {
-        let (number, largest): (f64, f64) = match self {
-            Self::I8 => (i8::from_le_bytes(bytes.take()?).into(), i8::MAX.into()),
-            Self::U8 => (u8::from_le_bytes(bytes.take()?).into(), u8::MAX.into()),
-            Self::I16 => (i16::from_le_bytes(bytes.take()?).into(), i16::MAX.into()),
-            Self::U16 => (u16::from_le_bytes(bytes.take()?).into(), u16::MAX.into()),
-            Self::U32 => (bytes.u32()?.into(), u32::MAX.into()),
-            Self::F32 => return Some(f32::from_le_bytes(bytes.take()?).into()),
-        };
-        Some(if is_unit { (number / largest).max(-1.0) } else { number })
-    }
 }
 
 #[cfg(test)]
