@@ -92,8 +92,10 @@ impl CapsuleOutline {
             Some(rise) => {
                 // The part of the axis whose distance from the row is within reach. All of it,
                 // where it is nearly horizontal.
-                let (middle, reach) =
-                    ((row as f32 + 0.5 - self.start.y) * rise, ((SLACK + self.radius) * rise).abs());
+                let (middle, reach) = (
+                    (row as f32 + 0.5 - self.start.y) * rise,
+                    ((SLACK + self.radius) * rise).abs(),
+                );
                 let [one, other] = [middle - reach, middle + reach]
                     .map(|at| self.start.x + self.along.x * at.clamp(0.0, 1.0));
                 (one, other)
