@@ -277,15 +277,16 @@ mod tests {
 
     /// Places all over a grid of levels and cosines, with the light of an exact law.
     fn lawful(rig: &Rig, law: Vec4) -> Vec<Observed> {
-        let grid = (0_u8..20).flat_map(|a| (0_u8..20).map(move |b| [a, b]));
+        let grid = (0_u8..80).flat_map(|a| (0_u8..80).map(move |b| [a, b]));
         let observed = grid.map(|at| {
-            let [level, cosine] = at.map(|at| f32::from(at) / 20.0);
+            let [level, cosine] = at.map(|at| f32::from(at) / 80.0);
             let (normal, open) = (Vec3::Z, features(level, cosine).dot(law));
             let light = 0.8 * rig.sky(normal * (2.0 / 3.0)).y * open;
             let position = Vec3::ZERO;
-            let sample =
-                LightSample { position, normal, cosine, radius: 1.0, open, light, sun: 0.7 };
-            Observed { level, sun: (level < 0.5).then_some(1.0), sample }
+            let is_near = level < 0.5;
+            let sun = if is_near { 0.7 } else { 0.1 };
+            let sample = LightSample { position, normal, cosine, radius: 1.0, open, light, sun };
+            Observed { level, sun: is_near.then_some(1.0), sample }
         });
         observed.collect()
     }
@@ -300,13 +301,10 @@ mod tests {
         let fit = LightFit::of(&rig, observed.iter());
         for (level, cosine) in [(0.1, 0.9), (0.5, 0.5), (0.9, 0.2)] {
             let expected = features(level, cosine).dot(law);
-            assert!((fit.open(level, cosine) - expected).abs() < 0.01, "{fit:?}");
+            assert!((fit.open(level, cosine) - expected).abs() < 0.02, "{fit:?}");
         }
         assert!((fit.brightness() - 0.8).abs() < 1e-3, "{fit:?}");
-        // The shadow of distant cloth does not count.
-        let near = observed.iter().filter(|place| place.sun.is_some());
-        let sun = near.map(|place| place.sample.sun).sum::<f32>();
-        assert!((fit.sunshine() - sun / 200.0).abs() < 1e-3, "{fit:?}");
+        assert!((fit.sunshine() - 0.7).abs() < 1e-3, "distant shadows do not count: {fit:?}");
         observed.iter_mut().for_each(|place| place.sample.sun = 9.0);
         assert_eq!(LightFit::of(&rig, observed.iter()).sunshine(), FACTORS[1]);
         let none = LightFit::of(&rig, [].iter());
@@ -348,7 +346,7 @@ mod tests {
             };
             let traced = mean(&|place| place.sample.open);
             let fitted = mean(&|place| fit.open(place.level, place.sample.cosine));
-            assert!(observed.len() > 300, "{name}: {} places", observed.len());
+            assert!(observed.len() > 200, "{name}: {} places", observed.len());
             assert!((0.2..0.9).contains(&traced), "{name}: {traced}");
             assert!((fitted / traced - 1.0).abs() < 0.03, "{name}: {fitted} for {traced}");
         }
