@@ -2,6 +2,8 @@
 //!
 //! They are read from Linux's `/proc`. On other systems they are unknown.
 
+use crate::ids::index32;
+
 /// The processor's name.
 #[must_use]
 pub fn processor() -> Option<String> {
@@ -23,12 +25,27 @@ pub fn available_memory_gb() -> Option<f64> {
     found.reduce(f64::min).map(|bytes| bytes.max(0.0) / 1e9)
 }
 
-/// Bytes that the limit of the address space leaves. `None` without a limit.
-fn room_in_address_space() -> Option<f64> {
+/// The limit of this process's address space (`ulimit -v`), GB. `None` without one.
+#[must_use]
+pub fn address_space_gb() -> Option<f64> {
+    address_space().map(|bytes| bytes / 1e9)
+}
+
+/// The same in bytes.
+fn address_space() -> Option<f64> {
     let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
     let limit = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
-    let soft: f64 = limit.split_whitespace().next()?.parse().ok()?;
-    Some(soft - bytes("/proc/self/status", "VmSize")?)
+    limit.split_whitespace().next()?.parse().ok()
+}
+
+/// Address space that glibc's allocator sets aside for each thread, bytes. A failed allocation is one
+/// of these more often than not.
+const ARENA: f64 = 67.2e6;
+
+/// Bytes that the limit of the address space leaves. `None` without a limit.
+fn room_in_address_space() -> Option<f64> {
+    let threads = f64::from(index32(rayon::current_num_threads()) + 1);
+    Some(address_space()? - bytes("/proc/self/status", "VmSize")? - threads * ARENA)
 }
 
 /// Bytes that the limit of the control group leaves, in which containers run. `None` without one.

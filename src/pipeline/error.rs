@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use glam::DVec2;
 
+use super::estimates::size_text;
 use crate::drape::LayoutError;
 use crate::export::{ExportError, Format};
 use crate::fabric::FabricError;
@@ -96,8 +97,8 @@ pub enum RunError {
     },
     /// Cloth that needs more memory than is free.
     #[error(
-        "{what} of {stitches} stitches takes about {needed:.1} GB of memory and {free:.1} GB \
-         are free: {remedy}"
+        "{what} of {stitches} stitches takes about {} of memory and {} are free: {remedy}",
+        size_text(.needed * 1e9), size_text(.free * 1e9)
     )]
     NoMemory {
         /// What takes the memory.

@@ -11,6 +11,7 @@ use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::render::scene::{Bounds, Scene};
 use crate::render::{Camera, RenderOptions, RendererChoice};
+use crate::system::address_space_gb;
 use crate::yarn::tube::Section;
 
 /// Memory of a run that draws nothing.
@@ -26,6 +27,9 @@ const MASK_POINT: f64 = 3.5;
 const POINT: f64 = 13.5;
 /// The same on a graphics adapter of software, with the copies made while uploading.
 const GPU_POINT: f64 = 60.0;
+/// Address space that a graphics driver of software maps with its compiler, which counts where address
+/// space is limited.
+const DRIVER: f64 = 2e9;
 /// Memory of a stitch while it is swept.
 const SWEPT: f64 = 6500.0;
 /// Memory of a piece of yarn that rays are traced against, with its share of the tree.
@@ -110,7 +114,8 @@ fn drawing_bytes(
     let rows = f64::from(index32(options.rows().len()));
     let pixels = f64::from(options.width) * rows;
     if options.renderer == RendererChoice::Gpu {
-        return PIXEL * pixels + GPU_POINT * points;
+        let driver = if address_space_gb().is_some() { DRIVER } else { 0.0 };
+        return driver + PIXEL * pixels + GPU_POINT * points;
     }
     // The smallest pixel on cloth decides how yarns are drawn.
     let pixel = cameras.iter().map(|camera| smallest_pixel(scene, camera, options));

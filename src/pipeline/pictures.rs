@@ -20,6 +20,11 @@ use crate::ids::index32;
 use crate::render::fibres as near;
 use crate::render::scene::Scene;
 use crate::render::{Camera, Painter, RenderOptions, RendererChoice};
+use crate::system::address_space_gb;
+
+/// Limit of the address space below which no graphics driver is looked for, GB. Drivers and their
+/// compilers map one or two, and end the program where they can't.
+const DRIVER_LIMIT_GB: f64 = 4.0;
 
 /// Drawn pictures, and the name of the renderer that drew them.
 #[derive(Default)]
@@ -138,7 +143,9 @@ pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
     // The tiles of several machines must fit together, whichever machine has an adapter. The CPU
     // renderer gives the same pixels everywhere. At true gauge yarns are thinner than pixels, and
     // the graphics processor would leave some out.
-    let needs_cpu = job.tile().is_some() || job.gauge == Gauge::True;
+    let needs_cpu = job.tile().is_some()
+        || job.gauge == Gauge::True
+        || address_space_gb().is_some_and(|limit| limit < DRIVER_LIMIT_GB);
     if needs_cpu && options.renderer == RendererChoice::Auto {
         options.renderer = RendererChoice::Cpu;
     }

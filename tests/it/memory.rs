@@ -172,3 +172,25 @@ fn a_picture_without_room_is_refused_before_the_work() {
     let (status, said) = within(1_000_000, &near);
     assert_eq!(status, Some(0), "{said}");
 }
+
+#[test]
+fn no_renderer_runs_out_of_memory_in_the_middle() {
+    let mesh = crate::drape::mesh("tshirt.obj");
+    let cloth = ["drape", mesh.to_str().unwrap(), "--wales-per-cm", "6.6", "-o", "near.png"];
+    for renderer in ["auto", "gpu", "cpu"] {
+        let all = [&cloth[..], &["--zoom", "14", "--size", "160x120", "--renderer", renderer]];
+        // With the least there is room for no yarn, with the most there is for all but a driver.
+        let found = [300_000, 400_000, 500_000, 700_000, 900_000, 1_300_000].map(|kilobytes| {
+            let (status, said) = within(kilobytes, &all.concat());
+            let errors = said.lines().filter(|line| !line.starts_with("warning: ")).count();
+            let is_clean = if status == Some(0) {
+                !said.contains("error: ")
+            } else {
+                status == Some(1) && errors == 1 && said.contains("error: ")
+            };
+            assert!(is_clean, "{renderer} in {kilobytes} kB: {status:?} {said}");
+            status == Some(0)
+        });
+        assert!(!found[0] && found.is_sorted(), "{renderer}: {found:?}");
+    }
+}

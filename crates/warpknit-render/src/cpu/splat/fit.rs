@@ -267,3 +267,88 @@ fn tiles(low: f32, high: f32, size: u32) -> Range<u32> {
     let side = SIDE as f32;
     ((low / side) as u32)..((high / side) as u32 + 1).min(size.div_ceil(SIDE))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::View;
+    use crate::cloth::swatch;
+    use warpknit_core::fabric::Fabric;
+
+    /// Places all over a grid of levels and cosines, with the light of an exact law.
+    fn lawful(rig: &Rig, law: Vec4) -> Vec<Observed> {
+        let grid = (0_u8..80).flat_map(|a| (0_u8..80).map(move |b| [a, b]));
+        let observed = grid.map(|at| {
+            let [level, cosine] = at.map(|at| f32::from(at) / 80.0);
+            let (normal, open) = (Vec3::Z, features(level, cosine).dot(law));
+            let light = 0.8 * rig.sky(normal * (2.0 / 3.0)).y * open;
+            let position = Vec3::ZERO;
+            let is_near = level < 0.5;
+            let sun = if is_near { 0.7 } else { 0.1 };
+            let sample = LightSample { position, normal, cosine, radius: 1.0, open, light, sun };
+            Observed { level, sun: is_near.then_some(1.0), sample }
+        });
+        observed.collect()
+    }
+
+    #[test]
+    fn a_law_is_found_and_nothing_is_guessed_without_places() {
+        let options = RenderOptions::default();
+        let camera = Camera::view(View::Front, &[Vec3::ZERO, Vec3::ONE], 0.3, 1.0, 1.0);
+        let rig = options.light.around(&camera);
+        let law = Vec4::new(0.1, 0.4, 0.2, 0.25);
+        let mut observed = lawful(&rig, law);
+        let fit = LightFit::of(&rig, observed.iter());
+        for (level, cosine) in [(0.1, 0.9), (0.5, 0.5), (0.9, 0.2)] {
+            let expected = features(level, cosine).dot(law);
+            assert!((fit.open(level, cosine) - expected).abs() < 0.02, "{fit:?}");
+        }
+        assert!((fit.brightness() - 0.8).abs() < 1e-3, "{fit:?}");
+        assert!((fit.sunshine() - 0.7).abs() < 1e-3, "distant shadows do not count: {fit:?}");
+        observed.iter_mut().for_each(|place| place.sample.sun = 9.0);
+        assert_eq!(LightFit::of(&rig, observed.iter()).sunshine(), FACTORS[1]);
+        let none = LightFit::of(&rig, [].iter());
+        assert_eq!((none.brightness(), none.sunshine()), (1.0, 1.0));
+        assert_eq!(none.weights, Vec4::new(0.0, SKY_FACING[0], 0.0, SKY_FACING[1]));
+    }
+
+    #[test]
+    fn the_mean_of_what_is_traced_is_kept() {
+        for (name, view) in [("tricot", View::Front), ("marquisette", View::Back)] {
+            let scene = swatch(&Fabric::named(name).unwrap(), 60, 60);
+            let bounds = scene.bounds().unwrap();
+            let camera = Camera::view(view, &scene.positions, 0.3, 1.0, 1.0);
+            let options = RenderOptions { width: 64, height: 64, ..RenderOptions::default() };
+            let screen = Screen::new(&bounds, &camera, &options, 1);
+            let pieces = SplatPieces::new(&scene, bounds.centre());
+            let blocks = Blocks::new(&pieces, &screen, 0..4);
+            let (planes, rig) = (HalfPlanes::new(), options.light.around(&camera));
+            let shadows = ShadowMap::new(&pieces, &screen, 1.0, rig.toward_sun);
+            let picture = Picture {
+                pieces: &pieces,
+                screen: &screen,
+                planes: &planes,
+                blocks: &blocks,
+                shadows: &shadows,
+                toward_sun: rig.toward_sun,
+                camera: &camera,
+                options: &options,
+                split: 1,
+            };
+            let fit = LightFit::new(picture, &rig);
+            let tiles = (0..4).flat_map(|row| (0..4).map(move |column| [column, row]));
+            let observed: Vec<_> = tiles
+                .filter_map(|tile| observe(picture, &mut TileMemory::new(), tile))
+                .flatten()
+                .collect();
+            let mean = |open: &dyn Fn(&Observed) -> f32| {
+                observed.iter().map(open).sum::<f32>() / observed.len() as f32
+            };
+            let traced = mean(&|place| place.sample.open);
+            let fitted = mean(&|place| fit.open(place.level, place.sample.cosine));
+            assert!(observed.len() > 200, "{name}: {} places", observed.len());
+            assert!((0.2..0.9).contains(&traced), "{name}: {traced}");
+            assert!((fitted / traced - 1.0).abs() < 0.03, "{name}: {fitted} for {traced}");
+        }
+    }
+}

@@ -35,6 +35,10 @@ const GAUSS_3: [(f32, f32); 3] =
 /// Largest distance of a lit place from the axis, radii. At the outline itself a surface is seen
 /// edge-on.
 const RIM: f32 = 0.99;
+/// Share of the light between yarns that comes from any yarn and not from the one that it falls on.
+/// With it the mean colour of tricot, locknit, satin and power net is within 1.4 of 255 of the traced
+/// one. With a half, locknit and satin are 2.4 too red where they turn from masks to rays.
+const OTHERS: f32 = 0.8;
 /// Directions in the sun's disc that a penumbra is the mean of.
 const SUNS: u32 = 8;
 
@@ -242,8 +246,7 @@ impl Lights {
         // The sky is linear in the direction's height. So its cosine-weighted mean over the
         // hemisphere is its value two thirds of the way from the horizontal to the normal.
         let above = self.rig.sky(surface.normal * (2.0 / 3.0)) * self.fit.brightness();
-        // An occluder is about as often the same yarn as another one.
-        let interior = self.rig.interior * surface.albedo.midpoint(self.albedo);
+        let interior = self.rig.interior * surface.albedo.lerp(self.albedo, OTHERS);
         SkyLight { light: above * open + interior * (1.0 - open), open }
     }
 }

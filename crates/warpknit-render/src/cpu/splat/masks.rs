@@ -78,6 +78,12 @@ impl Band {
         let normal = if row == DIRECTIONS { -down } else { down };
         Self { row, normal, middle, half }
     }
+
+    /// Signed distance of its middle from a place.
+    #[inline]
+    fn distance(&self, place: Vec2) -> f32 {
+        self.normal.dot(self.middle - place)
+    }
 }
 
 /// A number in 0..=128 as the nearest integer: the lowest bits of a float whose unit in the last
@@ -142,36 +148,27 @@ impl HalfPlanes {
         Self(table)
     }
 
-    /// The places of the cell with this centre that a capsule covers.
+    /// The places of the cell with this centre that a capsule covers, and those that one of the same
+    /// axis covers whose radius is a `share` of the stroke's.
     #[inline]
-    pub(super) fn mask(&self, stroke: &Stroke, centre: Vec2) -> u64 {
-        self.part_mask(stroke, 1.0, centre)
-    }
-
-    /// The places that a capsule of the same axis covers, whose radius is a share of the stroke's.
-    #[inline]
-    pub(super) fn part_mask(&self, stroke: &Stroke, share: f32, centre: Vec2) -> u64 {
-        let body = stroke.bands.map_or(0, |[across, along]| {
-            let across = Band { half: across.half * share, ..across };
-            self.band(&across, centre) & self.band(&along, centre)
+    pub(super) fn masks(&self, stroke: &Stroke, share: f32, centre: Vec2) -> [u64; 2] {
+        let radii = [stroke.radius, stroke.radius * share];
+        let body = stroke.bands.map_or([0; 2], |[across, along]| {
+            let ends = self.between(along.row, along.distance(centre), along.half);
+            let middle = across.distance(centre);
+            radii.map(|radius| self.between(across.row, middle, radius) & ends)
         });
-        body | self.disc(stroke.start, stroke.radius * share, centre)
-    }
-
-    /// Places in a band.
-    #[inline]
-    fn band(&self, band: &Band, centre: Vec2) -> u64 {
-        self.between(band.row, band.normal.dot(band.middle - centre), band.half)
-    }
-
-    /// Places in a disc.
-    #[inline]
-    fn disc(&self, middle: Vec2, radius: f32, centre: Vec2) -> u64 {
-        let at = middle - centre;
+        let at = stroke.start - centre;
         // Most discs of thin yarns miss most cells of their piece.
-        if at.abs().max_element() > radius + 0.5 {
-            return 0;
+        if at.abs().max_element() > stroke.radius + 0.5 {
+            return body;
         }
+        [body[0] | self.disc(at, radii[0]), body[1] | self.disc(at, radii[1])]
+    }
+
+    /// Places in a disc around `at`, as seen from the cell's centre.
+    #[inline]
+    fn disc(&self, at: Vec2, radius: f32) -> u64 {
         let half = radius * OCTAGON;
         let diagonal = std::f32::consts::FRAC_1_SQRT_2;
         self.between(0, at.x, half)
@@ -216,7 +213,7 @@ mod tests {
             let strokes = [Stroke::new([start, end], radius), Stroke::new([end; 2], radius)];
             for cell in 0_u16..81 {
                 let corner = Vec2::new(f32::from(cell % 9), f32::from(cell / 9));
-                let [own, next] = strokes.map(|stroke| planes.mask(&stroke, corner + 0.5));
+                let [own, next] = strokes.map(|stroke| planes.masks(&stroke, 1.0, corner + 0.5)[0]);
                 let mask = own | next;
                 for (bit, place) in places.iter().enumerate() {
                     let at = corner + *place - start;

@@ -18,12 +18,19 @@ use crate::scene::{Scene, SceneStrand, SpanLengths, drawable};
 pub(super) const BLOCK: u32 = 16;
 /// Blocks that one task handles at a time.
 const PART_BLOCKS: u32 = 256;
+/// Data points for which the list of strands has one entry. More take longer to search from there.
+const LISTED: usize = 128;
+
 /// All pieces of a scene's yarns.
 pub(super) struct SplatPieces<'a> {
     pub(super) scene: &'a Scene,
     /// The scene's centre, to which positions are relative.
     pub(super) centre: Vec3,
     lengths: SpanLengths,
+    /// The strand of every [`LISTED`]th data point.
+    strands: Vec<u32>,
+    /// Whether all data points can be drawn, so that none has to be looked at again.
+    is_whole: bool,
 }
 
 /// A piece: a capsule.
@@ -35,7 +42,18 @@ pub(super) struct SplatPiece {
 
 impl<'a> SplatPieces<'a> {
     pub(super) fn new(scene: &'a Scene, centre: Vec3) -> Self {
-        Self { scene, centre, lengths: scene.span_lengths() }
+        let lengths = scene.span_lengths();
+        let spans = scene.strands.iter().map(|strand| strand.points.len().saturating_sub(1));
+        // A strand of one point has no span that would tell.
+        let is_whole = lengths.count == spans.sum::<usize>() as u64
+            && scene.strands.iter().all(|strand| strand.points.len() > 1);
+        let mut strands = Vec::with_capacity(scene.positions.len() / LISTED + 1);
+        for (number, strand) in (0..).zip(&scene.strands) {
+            while strands.len() * LISTED < strand.points.end as usize {
+                strands.push(number);
+            }
+        }
+        Self { scene, centre, lengths, strands, is_whole }
     }
 
     /// Length of the longest piece, mm.
@@ -43,8 +61,7 @@ impl<'a> SplatPieces<'a> {
         to_f32(self.lengths.longest)
     }
 
-    /// Whether strands lie one after another in memory. The binary search in [`Self::strand_of`]
-    /// needs that.
+    /// Whether strands lie one after another in memory. The search in [`Self::strand_of`] needs that.
     pub(super) fn are_in_order(&self) -> bool {
         self.scene.strands.is_sorted_by(|one, other| one.points.end <= other.points.start)
     }
@@ -124,7 +141,9 @@ impl<'a> SplatPieces<'a> {
 
     /// The strand of a data point.
     pub(super) fn strand_of(&self, point: u32) -> usize {
-        self.scene.strands.partition_point(|strand| strand.points.end <= point)
+        let from = self.strands[point as usize / LISTED] as usize;
+        let after = self.scene.strands[from..].iter().position(|strand| point < strand.points.end);
+        from + after.expect("a data point belongs to a strand")
     }
 
     /// Arc length at fraction `s` of that piece, mm, as if all pieces had the mean length. Exact
@@ -149,7 +168,7 @@ impl<'a> SplatPieces<'a> {
         let positions = &self.scene.positions;
         let point = point as usize;
         let here = positions[point];
-        if !drawable(here) {
+        if !self.is_whole && !drawable(here) {
             return None;
         }
         let inner = strand.start as usize + 2 <= point && point + 2 < strand.end as usize;
@@ -159,7 +178,8 @@ impl<'a> SplatPieces<'a> {
         } else {
             Vec3::ZERO
         };
-        Some(here - self.centre + if drawable(bend) { bend / 48.0 } else { Vec3::ZERO })
+        let is_bend = self.is_whole || drawable(bend);
+        Some(here - self.centre + if is_bend { bend / 48.0 } else { Vec3::ZERO })
     }
 
     /// Strands cut into parts for tasks.

@@ -150,11 +150,12 @@ impl TileMemory {
                     continue;
                 }
                 let centre = Vec2::new((corner[0] + x) as f32 + 0.5, (corner[1] + y) as f32 + 0.5);
-                let mask = planes.mask(stroke, centre) & !self.hidden[cell];
+                let [whole, core] = planes.masks(stroke, CORE, centre);
+                let mask = whole & !self.hidden[cell];
                 if mask != 0 {
                     self.covered[cell] |= mask;
                     let axis = start + (end - start) * stroke.share(centre);
-                    let core = mask & planes.part_mask(stroke, CORE, centre);
+                    let core = mask & core;
                     for (mask, rise) in [(core, CORE_RISE), (mask & !core, RIM_RISE)] {
                         if mask != 0 {
                             let front = (axis - rise * radius).max(0.0);
