@@ -223,17 +223,16 @@ impl<'a> Cloth<'a> {
         let mut before = 0;
         let mut blocks = Vec::new();
         for block in &self.blocks {
-            let mut is_own = |yarn: &YarnPlan| {
+            let is_beside = block.yarns.iter().map(|yarn| {
                 let twice_middle = 2 * before + yarn.stitches();
                 before += yarn.stitches();
-                tile.holds(twice_middle, twice_all)
-            };
-            let (own, others): (Vec<_>, Vec<_>) =
-                block.yarns.iter().cloned().partition(|yarn| is_own(yarn));
-            for (is_beside, yarns) in [(false, own), (true, others)] {
-                if !yarns.is_empty() {
-                    blocks.push(BlockPlan { is_beside, yarns, ..*block });
-                }
+                !tile.holds(twice_middle, twice_all)
+            });
+            let marked: Vec<_> = is_beside.zip(block.yarns.iter().cloned()).collect();
+            // Yarns stay in order, so that sums over those near a yarn are those of the whole.
+            for run in marked.chunk_by(|(one, _), (next, _)| one == next) {
+                let yarns = run.iter().map(|(_, yarn)| yarn.clone()).collect();
+                blocks.push(BlockPlan { is_beside: run[0].0, yarns, ..*block });
             }
         }
         // Yarns push their neighbours aside on their own panel only.

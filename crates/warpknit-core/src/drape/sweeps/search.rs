@@ -92,7 +92,8 @@ impl SpanSearch {
         let curve = curve::span(&control, 1);
         let count = parts(length, radius);
         let share = 1.0 / f64::from(count);
-        let reach = ACTIVE * radius + bulge(&curve, share);
+        // Beside a torn span the curve swings out; it must not widen the cells of all others.
+        let reach = ACTIVE * radius + bulge(&curve, share).min(share * length);
         let mut from = control[1] - near;
         for k in 1..=count {
             let to = curve.at(f64::from(k) * share) - near;
