@@ -23,7 +23,7 @@ fn at(wales_per_cm: f64) -> Fabric {
 }
 
 /// A fabric with loops one and a half times as dense along the wales as across.
-fn coarse(name: &str, wales_per_cm: f64) -> Fabric {
+pub(crate) fn coarse(name: &str, wales_per_cm: f64) -> Fabric {
     Fabric::named(name).unwrap().at_densities(wales_per_cm, 1.5 * wales_per_cm).unwrap()
 }
 
@@ -43,7 +43,7 @@ fn measure_drawn(
     measure_cloth(&cloth, &options, radius, &mut |_done| ())
 }
 
-fn skirt() -> Garment {
+pub(crate) fn skirt() -> Garment {
     read(&mesh("skirt_flat.obj"), Some(&mesh("skirt_draped.obj")), &ReadOptions::default()).unwrap()
 }
 

@@ -6,7 +6,10 @@ use std::path::Path;
 use assert_cmd::Command;
 use image::RgbaImage;
 use serde_json::Value;
+use warpknit::drape::{Cloth, DrapeOptions, MAX_SWEPT_STITCHES};
+use warpknit::tile::Tile;
 
+use crate::clearance::{coarse, skirt};
 use crate::readback::{self, Mesh};
 
 /// Knits a small garment; the first argument names the endings of what is written.
@@ -105,6 +108,20 @@ fn parts_have_about_as_many_stitches() {
     let counts = [1, 2, 3].map(|number| stitches(&format!("{number}/3")));
     let (fewest, most) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
     assert!(most * 10 <= fewest * 11, "{counts:?}");
+}
+
+#[test]
+fn a_part_is_swept_if_the_whole_is() {
+    let garment = skirt();
+    for (wales_per_cm, is_swept) in [(2.0, true), (8.0, false)] {
+        let whole = Cloth::cover(&garment, &coarse("tricot", wales_per_cm)).unwrap();
+        let part = whole.part(Tile::new(1, 9).unwrap());
+        let options = DrapeOptions::default();
+        assert_eq!(whole.swept_together(&options) > 0, is_swept);
+        assert_eq!(part.swept_together(&options) > 0, is_swept);
+        assert!(part.stitches() < MAX_SWEPT_STITCHES, "a part alone is small enough for sweeps");
+        assert_eq!(part.whole_stitches(), whole.stitches());
+    }
 }
 
 #[test]

@@ -102,7 +102,7 @@ pub struct Cloth<'a> {
     pub(super) meshes: Vec<StructureMesh>,
     pub(super) blocks: Vec<BlockPlan>,
     pub(super) yarns: usize,
-    /// Stitches of the whole cloth. `None` unless this is what pictures see of it.
+    /// Stitches of the whole cloth. `None` unless this is a part of it, or what pictures see of it.
     pub(super) whole: Option<u64>,
 }
 
@@ -242,7 +242,8 @@ impl<'a> Cloth<'a> {
         let yarns = self.yarns;
         let (pattern, strain) = (self.pattern.clone(), self.strain.clone());
         let (thickness, meshes) = (self.thickness.clone(), self.meshes.clone());
-        let whole = self.whole;
+        // Whether yarns are swept depends on the whole, of which other panels are missing here.
+        let whole = Some(self.whole_stitches());
         Self { garment: self.garment, pattern, strain, thickness, meshes, blocks, yarns, whole }
     }
 
