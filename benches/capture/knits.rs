@@ -1,12 +1,16 @@
 //! How many knits are recognised in drawn photos: the catalogue, two-bar cloths, random lappings and
 //! weft knits, each as a fair and as a hard photo.
 //!
-//! In: seeds that nothing was tuned on. Out: a table of docs/capture.md.
+//! In: seeds that nothing was tuned on. Out: a table of docs/capture.md, and on stderr what was taken
+//! for what. `cargo bench --bench capture -- knits 'two bars' fair` has some rows alone.
 
 use std::time::Instant;
 
-use warpknit::fabric::{Fabric, builtin};
-use warpknit::photo::recognise::{ClothKey, Face, RecogniseSettings, Recognition, grid, recognise};
+use warpknit::fabric::lapping::Chain;
+use warpknit::fabric::{Bar, Fabric, builtin};
+use warpknit::photo::recognise::{
+    ClothKey, Face, RecogniseError, RecogniseSettings, Recognition, grid, recognise,
+};
 
 use super::cloth::{Random, whole};
 use super::knit_photo::{FAIR, Taking, drawn, taken, varied};
@@ -30,8 +34,15 @@ pub(crate) fn knits() {
         ("random", random(FIRST_SEED)),
         ("weft knits", built_in(false).collect()),
     ];
-    for (name, fabrics) in sets {
-        for (level, taking) in [("fair", FAIR), ("hard", HARD)] {
+    let is_wanted = |all: &[&str], name: &str| {
+        let mut chosen =
+            std::env::args().filter(|argument| all.contains(&&argument[..])).peekable();
+        chosen.peek().is_none() || chosen.any(|argument| argument == name)
+    };
+    let names = sets.each_ref().map(|(name, _)| *name);
+    for (name, fabrics) in sets.into_iter().filter(|(name, _)| is_wanted(&names, name)) {
+        let levels = [("fair", FAIR), ("hard", HARD)].into_iter();
+        for (level, taking) in levels.filter(|(level, _)| is_wanted(&["fair", "hard"], level)) {
             for faces in [&[Face::Back, Face::Front][..], &[Face::Back]] {
                 if fabrics[0].warp_knit().is_none() && faces.len() == 1 {
                     continue;
@@ -46,7 +57,10 @@ pub(crate) fn knits() {
                     let photos: Vec<_> =
                         photos.iter().map(|(photo, face)| (photo, *face)).collect();
                     let found = recognise(&photos, &RecogniseSettings::default());
-                    let place = found.ok().and_then(|found| place(&found, fabric));
+                    let place = found.as_ref().ok().and_then(|found| place(found, fabric));
+                    if place != Some(0) {
+                        eprintln!("{level}, seed {seed}: {} is {}", named(fabric), answer(&found));
+                    }
                     first += usize::from(place == Some(0));
                     third += usize::from(place.is_some());
                 }
@@ -59,6 +73,28 @@ pub(crate) fn knits() {
             }
         }
     }
+}
+
+/// The cloths that were found instead, with what each explains.
+fn answer(found: &Result<Recognition, RecogniseError>) -> String {
+    match found {
+        Ok(found) => {
+            let ranked = found.ranked.iter().map(|ranked| {
+                let mirrored = if ranked.is_mirrored { " mirrored" } else { "" };
+                format!("{}{mirrored} {:.4}", named(&ranked.fabric), ranked.explained)
+            });
+            ranked.collect::<Vec<_>>().join(", ")
+        }
+        Err(error) => error.to_string(),
+    }
+}
+
+/// A fabric's name, or its chains.
+fn named(fabric: &Fabric) -> String {
+    let chains = fabric.warp_knit().map_or_else(Vec::new, |knit| {
+        knit.bars.iter().filter_map(Bar::chain).map(Chain::to_string).collect()
+    });
+    format!("{} ({})", fabric.name, chains.join(" + "))
 }
 
 /// The place of a fabric among the three that were found.
