@@ -17,9 +17,9 @@ use crate::plane::double;
 
 /// Blurs of sketches that are tried, pixels of theirs. Photos are blurred by themselves, and again
 /// before they are sampled.
-const BLURS: [f64; 2] = [1.2, 2.0];
-/// Yarn diameters that are tried, of the candidate's own.
-const THICKNESSES: [f64; 3] = [1.0, 0.87, 1.14];
+const BLURS: [f64; 4] = [1.2, 0.9, 1.6, 2.0];
+/// Yarn diameters that are tried, of the candidate's own: the first for all, the others for the best.
+const THICKNESSES: [f64; 6] = [1.0, 0.82, 0.87, 0.93, 1.07, 1.14];
 /// Frames in which a draft that fits is tried again once it is relaxed.
 const FRAMES: usize = 4;
 
