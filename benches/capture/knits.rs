@@ -13,6 +13,7 @@ use warpknit::photo::recognise::{
 };
 
 use super::cloth::{Random, whole};
+use super::is_wanted;
 use super::knit_photo::{FAIR, Taking, drawn, taken, varied};
 
 /// Seeds from 100 on and from 20 000 on were for tuning.
@@ -20,6 +21,7 @@ const FIRST_SEED: u64 = 30_000;
 const RANDOM: usize = 40;
 /// As bad as a photo may be.
 const HARD: Taking = Taking { blur: 1.8, noise: 0.1, bend: 1.5, light: 0.5 };
+const LEVELS: [(&str, Taking); 2] = [("fair", FAIR), ("hard", HARD)];
 
 /// The table of knits.
 pub(crate) fn knits() {
@@ -34,45 +36,48 @@ pub(crate) fn knits() {
         ("random", random(FIRST_SEED)),
         ("weft knits", built_in(false).collect()),
     ];
-    let is_wanted = |all: &[&str], name: &str| {
-        let mut chosen =
-            std::env::args().filter(|argument| all.contains(&&argument[..])).peekable();
-        chosen.peek().is_none() || chosen.any(|argument| argument == name)
-    };
     let names = sets.each_ref().map(|(name, _)| *name);
-    for (name, fabrics) in sets.into_iter().filter(|(name, _)| is_wanted(&names, name)) {
-        let levels = [("fair", FAIR), ("hard", HARD)].into_iter();
-        for (level, taking) in levels.filter(|(level, _)| is_wanted(&["fair", "hard"], level)) {
-            for faces in [&[Face::Back, Face::Front][..], &[Face::Back]] {
-                if fabrics[0].warp_knit().is_none() && faces.len() == 1 {
-                    continue;
-                }
-                let (mut first, mut third, begun) = (0, 0, Instant::now());
-                for (seed, fabric) in (FIRST_SEED..).zip(&fabrics) {
-                    let own = varied(fabric, seed);
-                    let photos: Vec<_> = faces
-                        .iter()
-                        .map(|face| (taken(&drawn(&own, *face, seed), taking, seed), *face))
-                        .collect();
-                    let photos: Vec<_> =
-                        photos.iter().map(|(photo, face)| (photo, *face)).collect();
-                    let found = recognise(&photos, &RecogniseSettings::default());
-                    let place = found.as_ref().ok().and_then(|found| place(found, fabric));
-                    if place != Some(0) {
-                        eprintln!("{level}, seed {seed}: {} is {}", named(fabric), answer(&found));
-                    }
-                    first += usize::from(place == Some(0));
-                    third += usize::from(place.is_some());
-                }
-                let faces = if faces.len() == 2 { "both faces" } else { "back" };
-                println!(
-                    "| {name} | {level}, {faces} | {first} of {} | {third} | {:.1} |",
-                    fabrics.len(),
-                    begun.elapsed().as_secs_f64() / fabrics.len() as f64
-                );
+    for (name, fabrics) in sets.iter().filter(|(name, _)| is_wanted(name, &names)) {
+        for (level, taking) in LEVELS {
+            if !is_wanted(level, &LEVELS.map(|(level, _)| level)) {
+                continue;
+            }
+            row(
+                &format!("{name} | {level}, both faces"),
+                fabrics,
+                taking,
+                &[Face::Back, Face::Front],
+            );
+            if fabrics[0].warp_knit().is_some() {
+                row(&format!("{name} | {level}, back"), fabrics, taking, &[Face::Back]);
             }
         }
     }
+}
+
+/// A row of the table: how many fabrics are recognised in photos of some faces.
+fn row(heading: &str, fabrics: &[Fabric], taking: Taking, faces: &[Face]) {
+    let (mut first, mut third, begun) = (0, 0, Instant::now());
+    for (seed, fabric) in (FIRST_SEED..).zip(fabrics) {
+        let own = varied(fabric, seed);
+        let photos: Vec<_> = faces
+            .iter()
+            .map(|face| (taken(&drawn(&own, *face, seed), taking, seed), *face))
+            .collect();
+        let photos: Vec<_> = photos.iter().map(|(photo, face)| (photo, *face)).collect();
+        let found = recognise(&photos, &RecogniseSettings::default());
+        let place = found.as_ref().ok().and_then(|found| place(found, fabric));
+        if place != Some(0) {
+            eprintln!("{heading}, seed {seed}: {} is {}", named(fabric), answer(&found));
+        }
+        first += usize::from(place == Some(0));
+        third += usize::from(place.is_some());
+    }
+    println!(
+        "| {heading} | {first} of {} | {third} | {:.1} |",
+        fabrics.len(),
+        begun.elapsed().as_secs_f64() / fabrics.len() as f64
+    );
 }
 
 /// The cloths that were found instead, with what each explains.
@@ -89,7 +94,7 @@ fn answer(found: &Result<Recognition, RecogniseError>) -> String {
     }
 }
 
-/// A fabric's name, or its chains.
+/// A fabric's name and its chains.
 fn named(fabric: &Fabric) -> String {
     let chains = fabric.warp_knit().map_or_else(Vec::new, |knit| {
         knit.bars.iter().filter_map(Bar::chain).map(Chain::to_string).collect()

@@ -62,20 +62,23 @@ fn main() {
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
-    // One part alone, for a person who works on it.
-    let named = |part: &str| std::env::args().any(|argument| argument == part);
     let parts = [
         ("layouts", layouts as fn()),
         ("fibres", fibres),
         ("photos", photos),
         ("knits", knits::knits),
     ];
-    let all = !parts.iter().any(|(part, _)| named(part));
-    for (part, of) in parts {
-        if all || named(part) {
-            of();
-        }
+    let names = parts.map(|(part, _)| part);
+    for (_, of) in parts.into_iter().filter(|(part, _)| is_wanted(part, &names)) {
+        of();
     }
+}
+
+/// Whether a part is to run: one alone if an argument names it, for a person who works on it, and all
+/// if none of them is named.
+fn is_wanted(part: &str, all: &[&str]) -> bool {
+    let is_named = |part: &str| std::env::args().any(|argument| argument == part);
+    is_named(part) || !all.iter().any(|part| is_named(part))
 }
 
 /// A quarter of the pictures is undisturbed, and another one is disturbed as much as can be.

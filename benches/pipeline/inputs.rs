@@ -130,8 +130,14 @@ pub(crate) fn area(garment: &Garment) -> f64 {
 
 /// Tricot at densities that give about so many stitches on an area in mm².
 pub(crate) fn tricot_for(area: f64, stitches: f64) -> Fabric {
-    let fabric = Fabric::named("tricot").expect("built in");
-    let times = (2.0 * area / (fabric.wale_spacing() * fabric.course_spacing()) / stitches).sqrt();
+    fabric_for("tricot", area, stitches)
+}
+
+/// The same of a built-in fabric, all of whose bars are full.
+pub(crate) fn fabric_for(name: &str, area: f64, stitches: f64) -> Fabric {
+    let fabric = Fabric::named(name).expect("built in");
+    let bars = f64::from(u32::try_from(fabric.yarn_systems()).expect("a few"));
+    let times = (bars * area / (fabric.wale_spacing() * fabric.course_spacing()) / stitches).sqrt();
     let (wales, courses) = (fabric.wales_per_cm / times, fabric.courses_per_cm / times);
     fabric.at_densities(wales, courses).expect("positive")
 }

@@ -16,7 +16,7 @@ use super::view::{FaceView, Score};
 use crate::plane::double;
 
 /// Blurs of sketches that are tried, pixels of theirs. Photos are blurred by themselves, and again
-/// before they are sampled.
+/// before they are sampled. Drafts are tried with the first.
 const BLURS: [f64; 4] = [1.2, 0.9, 1.6, 2.0];
 /// Yarn diameters that are tried, of the candidate's own: the first for all, the others for the best.
 const THICKNESSES: [f64; 6] = [1.0, 0.82, 0.87, 0.93, 1.07, 1.14];
