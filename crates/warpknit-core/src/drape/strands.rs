@@ -277,12 +277,13 @@ impl StrandBuilder<'_, '_> {
         to: DVec3,
         end: SurfacePoint,
     ) -> Option<(f64, SurfacePoint)> {
-        // Triangles are convex, so a line within one triangle needs no trace. Data points are dense
-        // compared to triangles, so this spares most of the traces.
-        if start.triangle == end.triangle {
+        // Triangles are convex, so a line within one triangle needs no trace. Nor does a line that
+        // is shorter than the way to the border. This spares nearly all traces.
+        let (from, to) = (from.truncate(), to.truncate());
+        if start.triangle == end.triangle || self.locator.stays_inside(from, to) {
             return None;
         }
-        match self.locator.trace(from.truncate(), start, to.truncate()) {
+        match self.locator.trace(from, start, to) {
             Traced::Arrived => None,
             Traced::Left { at, share } => Some((share, at)),
         }
