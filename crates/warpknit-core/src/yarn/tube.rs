@@ -7,7 +7,8 @@
 //! clothing elements, 2022, sections 4.1 and 4.2, equation 6 and Table 1. The curve is that of
 //! [`super::curve`], the frames are those of [`super::frame`]. Each stitch is sampled evenly in its
 //! own parameter, with both ends on data points, so neighbouring stitches share a ring. A piece of
-//! a stitch that the panel's edge has cut gets St segments too.
+//! a stitch that the panel's edge has cut gets St segments too. Four rings are made at a time
+//! (`rings`).
 //!
 //! Cost: about 100 ns a ring and 3 ns a vertex.
 //!
@@ -19,7 +20,8 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
-use super::frame;
+use super::lanes::LANES;
+use super::rings::{Frames, Ring, Station};
 use super::steps::Steps;
 use super::walk::SpanCursor;
 use crate::ids::index32;
@@ -136,16 +138,6 @@ impl Tubes {
     }
 }
 
-/// The position and the tangent frame of a ring.
-#[derive(Clone, Copy)]
-struct Ring {
-    center: Vec3A,
-    tangent: Vec3A,
-    normal: Vec3A,
-    /// Yarn length from the strand's start, mm.
-    length: f64,
-}
-
 /// Adds the rings of one strand, one after the other.
 struct Rings<'a> {
     tubes: &'a mut Tubes,
@@ -155,6 +147,10 @@ struct Rings<'a> {
     cursor: SpanCursor<'a>,
     /// Vector from the last ring to the first point of the current span.
     to_span: Vec3A,
+    frames: Frames,
+    /// Rings that wait until there are enough for a group, and their number.
+    waiting: [Station; LANES],
+    count: usize,
     first_vertex: u32,
     first: Option<Ring>,
     last: Option<Ring>,
@@ -211,6 +207,9 @@ impl<'a> Rings<'a> {
             steps: Steps::default(),
             cursor: SpanCursor::new(points),
             to_span: Vec3A::ZERO,
+            frames: Frames::new(section.flatten != 1.0),
+            waiting: [Station::default(); LANES],
+            count: 0,
             first_vertex,
             first: None,
             last: None,
@@ -222,7 +221,7 @@ impl<'a> Rings<'a> {
         self.steps.fit(stitch.len() - 1, self.section.st);
         let steps = std::mem::take(&mut self.steps);
         // From the second stitch on, the first ring is the last ring of the stitch before.
-        let mut first = usize::from(self.last.is_some());
+        let mut first = usize::from(self.last.is_some() || self.count > 0);
         for (index, parameters) in stitch.clone().zip(steps.per_span()) {
             let (span, chord) = self.cursor.next();
             let start = points[index].as_vec3a();
@@ -231,9 +230,12 @@ impl<'a> Rings<'a> {
                 let offset = span.at(t);
                 // The chord between two rings is summed from small vectors. The difference of two
                 // rounded positions on a garment would lose digits that the frame needs.
-                let to_ring = self.to_span + offset;
-                let ring = self.next_ring(start + offset, to_ring, span.tangent(t), ups, t);
-                self.add_ring(ring);
+                self.wait(Station {
+                    center: start + offset,
+                    chord: self.to_span + offset,
+                    along: span.tangent(t),
+                    up: ups[0].lerp(ups[1], t),
+                });
                 self.to_span = -offset;
             }
             self.to_span += chord;
@@ -242,12 +244,32 @@ impl<'a> Rings<'a> {
         self.steps = steps;
     }
 
+    /// Adds a ring to those that wait, and all of them to the tube if they make a group.
+    #[inline]
+    fn wait(&mut self, station: Station) {
+        self.waiting[self.count] = station;
+        self.count += 1;
+        if self.count == LANES {
+            self.add_group();
+        }
+    }
+
+    /// Adds the rings that wait.
+    #[inline]
+    fn add_group(&mut self) {
+        let rings = self.frames.next(self.waiting);
+        for ring in &rings[..self.count] {
+            self.add_ring(*ring);
+        }
+        self.count = 0;
+    }
+
     /// Adds a ring's vertices, and the triangles between it and the last ring.
     fn add_ring(&mut self, ring: Ring) {
         let base = index32(self.tubes.positions.len());
         let v = narrow(self.section.texture_per_mm * ring.length);
         // `f32` in four SIMD lanes: as exact as the files that take the vertices.
-        let (center, up, sideways) = (ring.center, ring.normal, ring.tangent.cross(ring.normal));
+        let Ring { center, normal: up, binormal: sideways, .. } = ring;
         let Outline { vertices, normals, u, triangles } = &self.outline;
         // Each array is extended from an iterator of known length. A push for each vertex would
         // check the capacity each time.
@@ -270,39 +292,6 @@ impl<'a> Rings<'a> {
             None => self.first = Some(ring),
         }
         self.last = Some(ring);
-    }
-
-    /// The next ring. `chord` is the vector from the last ring, `ups` are the fabric's normals at
-    /// both ends of the span, and `t` is the ring's parameter on it.
-    ///
-    /// A round section takes the rotation-minimising frame. A flattened one lies in the fabric's
-    /// plane; where the yarn runs along the fabric's normal that plane gives no direction, and it
-    /// takes the rotation-minimising frame too.
-    fn next_ring(
-        &self,
-        center: Vec3A,
-        chord: Vec3A,
-        along: Vec3A,
-        ups: [Vec3A; 2],
-        t: f32,
-    ) -> Ring {
-        let Some(last) = self.last else {
-            let tangent = along.normalize_or(Vec3A::X);
-            let normal = frame::perpendicular_unit(ups[0].lerp(ups[1], t), tangent);
-            return Ring { center, tangent, normal, length: 0.0 };
-        };
-        // Where data points coincide the curve has no tangent; the last one is kept.
-        let tangent = along.normalize_or(last.tangent);
-        // 1e-3 is the sine of 0.06 degrees. A smaller limit would let rounding choose the
-        // direction, a larger one would make steep underlaps turn over visibly.
-        let lies_flat =
-            self.section.flatten != 1.0 && tangent.cross(ups[0].lerp(ups[1], t)).length() >= 1e-3;
-        let normal = if lies_flat {
-            frame::perpendicular_unit(ups[0].lerp(ups[1], t), tangent)
-        } else {
-            frame::double_reflection(last.normal, chord, last.tangent, tangent)
-        };
-        Ring { center, tangent, normal, length: last.length + f64::from(chord.length()) }
     }
 
     /// Closes an end with a disc that faces `outward`. `rim` is the first vertex of the end's ring.
@@ -328,8 +317,11 @@ impl<'a> Rings<'a> {
         }
     }
 
-    /// Adds both caps, if the section has them.
+    /// Adds the last rings, and both caps if the section has them.
     fn finish(&mut self) {
+        if self.count > 0 {
+            self.add_group();
+        }
         let (Some(first), Some(last), true) = (self.first, self.last, self.section.caps) else {
             return;
         };
