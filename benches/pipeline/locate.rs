@@ -1,14 +1,22 @@
 //! Benchmarks of location, and of location with mapping: from a shuffled mesh to the triangle and
-//! the draped position of every point.
+//! the draped position of every point; and of the stages of a drape that do the same.
+//!
+//! `WARPKNIT_DRAPE_INPUTS=FOLDER` also writes the skirt's panels and the points of these drapes for
+//! another program, in the files that PEER_INPUTS names.
+
+use std::convert::Infallible;
+use std::path::Path;
+use std::time::Duration;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
-use glam::DVec3;
-use warpknit::garment::Panel;
+use glam::{DVec2, DVec3};
+use warpknit::drape::{self, Block, Cloth, DrapeOptions, Stage};
+use warpknit::garment::{Garment, Panel};
 use warpknit::locate::{Locator, SurfacePoint};
 use warpknit::map::{Draped, Mapping, map_into};
 
-use super::cpu::CpuTime;
-use super::inputs::{Points, panel, points};
+use super::cpu::{CpuTime, now};
+use super::inputs::{Points, area, panel, points, skirt, tricot_for};
 
 /// Points of a block. A block's data fit the processor's cache, like the blocks of a run.
 const BLOCK: usize = 4096;
@@ -88,6 +96,83 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
         }
         group.finish();
     }
+    stages(criterion);
+}
+
+/// Stitches of the skirt in the drapes whose stages are timed.
+const STITCHES: [(&str, f64); 3] = [("26180", 26_180.0), ("262k", 262e3), ("1m", 1e6)];
+
+/// Benchmarks of the stages of a drape from flat points to located strands, and on to the body. All
+/// points count that are located, also those off the panel.
+fn stages(criterion: &mut Criterion<CpuTime>) {
+    let garment = skirt();
+    for (name, timed) in [
+        ("drape, locate stage", [Stage::Index, Stage::Locate].as_slice()),
+        ("drape, locate and map stages", &[Stage::Index, Stage::Locate, Stage::Map]),
+    ] {
+        let mut group = criterion.benchmark_group(name);
+        group.sample_size(10);
+        for (size, stitches) in STITCHES {
+            let fabric = tricot_for(area(&garment), stitches);
+            let cloth = Cloth::cover(&garment, &fabric).expect("the skirt has room");
+            group.bench_function(BenchmarkId::from_parameter(size), |bench| {
+                bench.iter_custom(|runs| (0..runs).map(|_| time_of(&cloth, timed)).sum());
+            });
+            write_inputs(&garment, &cloth, size);
+        }
+        group.finish();
+    }
+}
+
+/// CPU time of some stages of a drape.
+fn time_of(cloth: &Cloth<'_>, stages: &[Stage]) -> Duration {
+    let options = DrapeOptions { mapping: Mapping::Smooth, ..DrapeOptions::default() };
+    let (mut total, mut start, mut current) = (Duration::ZERO, now(), Stage::Deliver);
+    let mut begin = |stage| {
+        let end = now();
+        if stages.contains(&current) {
+            total += end - start;
+        }
+        (start, current) = (end, stage);
+    };
+    let deliver = &mut |_: &[Block]| Ok::<_, Infallible>(());
+    let Ok(_totals) = drape::run(cloth, &options, &mut |stage, _| begin(stage), deliver);
+    begin(Stage::Deliver);
+    total
+}
+
+/// Writes the panels, side by side, and the flat points of a drape, if a folder is named for them.
+fn write_inputs(garment: &Garment, cloth: &Cloth<'_>, size: &str) {
+    let Some(folder) = std::env::var_os("WARPKNIT_DRAPE_INPUTS") else { return };
+    let (mut vertices, mut faces, mut shifts) = (Vec::new(), Vec::new(), Vec::new());
+    let mut right = 0.0;
+    for panel in &garment.panels {
+        let [low, high] = panel.bounds();
+        shifts.push(DVec2::new(right - low.x, 0.0));
+        // Points off a panel must not lie on the next one.
+        right += high.x - low.x + 1e3;
+        let first = u32::try_from(vertices.len()).expect("some thousand vertices");
+        vertices
+            .extend(panel.uv.iter().map(|p| (p + shifts[shifts.len() - 1]).as_vec2().to_array()));
+        faces.extend(panel.triangles.iter().map(|corners| corners.map(|v| first + v)));
+    }
+    let mut points: Vec<[f32; 3]> = Vec::new();
+    let mut take = |blocks: &[Block]| {
+        for block in blocks {
+            let shift = shifts[block.panel].extend(0.0);
+            points.extend(block.knitted.points.iter().map(|p| (p + shift).as_vec3().to_array()));
+        }
+        Ok::<_, Infallible>(())
+    };
+    let Ok(_totals) = drape::run(cloth, &DrapeOptions::default(), &mut |_, _| (), &mut take);
+    let write = |name: String, bytes: Vec<u8>| {
+        std::fs::write(Path::new(&folder).join(name), bytes).expect("a folder for inputs");
+    };
+    let floats = |numbers: &[f32]| numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+    write("mesh_skirt_v.bin".to_owned(), floats(vertices.as_flattened()));
+    let corners = faces.as_flattened().iter().flat_map(|v| v.to_le_bytes());
+    write("mesh_skirt_f.bin".to_owned(), corners.collect());
+    write(format!("points_skirt_{size}.bin"), floats(points.as_flattened()));
 }
 
 /// Benchmarks of the work before the first point: ordering the triangles, and building the locator.
