@@ -20,6 +20,8 @@ PLATFORMS = [
 
 
 def platform_of(wheel):
+    if not wheel.is_file():
+        raise SystemExit(f"error: {wheel}: there is no such wheel; build it with maturin")
     tag = wheel.stem.rpartition("-")[2]
     for words, platform in PLATFORMS:
         if all(word in tag for word in words):

@@ -4,6 +4,9 @@ In: a garment object and settings, in the sidebar of the 3D view. Out: a curve o
 again whenever the frame changes, so yarns follow a simulated or animated garment, in renders too.
 """
 
+import math
+import warnings
+
 import bpy
 import warpknit
 from bpy.app.handlers import persistent
@@ -52,7 +55,7 @@ def build(target, context_scene, depsgraph):
     """Knits the curves of an object again."""
     settings = target.warpknit
     fabric = knit.fabric_of(settings.fabric, settings.lapping)
-    degrees = settings.grain * 180 / 3.141592653589793
+    degrees = math.degrees(settings.grain)
     garment = knit.garment_of(settings.garment, settings.flat, context_scene, depsgraph, degrees, settings.turn)
     yarns = warpknit.drape(garment, fabric, settings.wales_per_cm or None, settings.mapping)
     knit.fill(target.data, yarns, context_scene, settings.samples)
@@ -60,12 +63,17 @@ def build(target, context_scene, depsgraph):
 
 
 def tried(operator, target, context):
-    """What `build` returns, or None where it can't be knitted, which the operator reports."""
-    try:
-        return build(target, context.scene, context.evaluated_depsgraph_get())
-    except (knit.KnitError, ValueError, MemoryError) as error:
-        operator.report({"ERROR"}, str(error))
-        return None
+    """What `build` returns, or None where it can't be knitted. The operator reports that, and warnings."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            yarns = build(target, context.scene, context.evaluated_depsgraph_get())
+        except (knit.KnitError, ValueError, MemoryError) as error:
+            operator.report({"ERROR"}, str(error))
+            return None
+    for warning in caught:
+        operator.report({"WARNING"}, str(warning.message))
+    return yarns
 
 
 def copied(settings, target):
@@ -136,12 +144,21 @@ class WARPKNIT_PT_panel(bpy.types.Panel):
         layout.operator("warpknit.rebuild" if is_yarns else "warpknit.knit")
 
 
+def check_is_evaluated(garment, depsgraph):
+    """Refuses a garment that a render leaves out: its shape in the new frame isn't known."""
+    if depsgraph.mode == "RENDER" and garment not in {each.original for each in depsgraph.objects}:
+        raise knit.KnitError(
+            f"{garment.name} is hidden in renders, so yarns can't follow it; hide it with Object Properties > Visibility > Ray Visibility"
+        )
+
+
 @persistent
 def follow(scene, depsgraph):
     """Knits all yarns that follow their garments again, for the new frame."""
     for target in scene.objects:
         if target.type == "CURVE" and target.warpknit.follow and target.warpknit.garment is not None:
             try:
+                check_is_evaluated(target.warpknit.garment, depsgraph)
                 build(target, scene, depsgraph)
             except (knit.KnitError, ValueError, MemoryError) as error:
                 # The yarns of the last frame stay. A handler has no other way to say so.

@@ -51,7 +51,7 @@ def _corners(owner, depsgraph, layer=None):
         evaluated.to_mesh_clear()
     if not len(loops):
         raise KnitError(f"{owner.name}: there are no faces to knit on")
-    matrix = np.array(owner.matrix_world)
+    matrix = np.array(evaluated.matrix_world)
     return places @ matrix[:3, :3].T + matrix[:3, 3], vertices[loops], None if uv is None else uv[loops]
 
 
