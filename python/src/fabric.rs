@@ -48,7 +48,7 @@ impl Texts {
 pub(crate) fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
     // Texts have no zero bytes. One that had would lose what stands behind it.
     let text = CString::new(text.split('\0').next().unwrap_or_default())?;
-    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)
+    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)
 }
 
 #[pymethods]

@@ -8,6 +8,7 @@ use warpknit::drape::strands::{CUT, Strand};
 use warpknit::drape::{Block, Cloth, DrapeOptions, Totals, run};
 use warpknit::ids::index32;
 use warpknit::knit::Tag;
+use warpknit::map::relaxed::StrainCounts;
 
 /// The arrays of all yarns.
 #[derive(Default)]
@@ -30,6 +31,8 @@ pub(crate) struct Laid {
     pub(crate) stitches: Vec<u32>,
     /// Where the stitches of each strand begin in `stitches`.
     pub(crate) first_stitches: Vec<usize>,
+    /// How many points of each panel lie where the cloth is strained too far.
+    pub(crate) strain: Vec<StrainCounts>,
 }
 
 /// Knits and maps a cloth, and gathers its yarns.
@@ -41,7 +44,8 @@ pub(crate) fn lay<E>(
     options: &DrapeOptions,
     look: &dyn Fn() -> Result<(), E>,
 ) -> Result<(Laid, Totals), E> {
-    let mut laid = Laid { offsets: vec![0], first_stitches: vec![0], ..Laid::default() };
+    let strain = vec![StrainCounts::default(); cloth.garment().panels.len()];
+    let mut laid = Laid { offsets: vec![0], first_stitches: vec![0], strain, ..Laid::default() };
     let totals = run(cloth, options, &mut |_, _| {}, &mut |blocks| {
         look()?;
         blocks.iter().for_each(|block| laid.add(block));
@@ -60,6 +64,7 @@ impl Laid {
         }
         self.normals.extend_from_slice(bytemuck::cast_slice(&block.draped.normals));
         self.flat.extend_from_slice(bytemuck::cast_slice(&block.strands.flat));
+        self.strain[block.panel] += block.strain;
         for strand in &block.strands.strands {
             self.add_strand(block, strand);
         }

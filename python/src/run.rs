@@ -134,7 +134,12 @@ fn laid(
     let (laid, totals) = lay(&cloth, &options, &interrupted)?;
     cache.keep(&cloth);
     pipeline::check_laid(&totals)?;
-    let notes = pipeline::loss_warning(&totals).into_iter().collect();
+    let notes = [
+        pipeline::loss_warning(&totals),
+        pipeline::lengths_note(&cloth, &options),
+        pipeline::locked_warning(&laid.strain, &garment),
+    ];
+    let notes = notes.into_iter().flatten().collect();
     drop(cloth);
     // Files are made from the garment as it was read: a run turns the panels itself.
     Ok((whole, shown, laid, notes))

@@ -456,6 +456,9 @@ impl Yarns {
         if !(1..=4096).contains(&spp) {
             return Err(PyValueError::new_err(format!("spp is {spp}, but must be 1 to 4096")));
         }
+        if !(zoom.is_finite() && zoom > 0.0) {
+            return Err(PyValueError::new_err(format!("zoom is {zoom}, but must be above 0")));
+        }
         let (width, height) = size;
         let options = RenderOptions { width, height, background, spp, ..RenderOptions::default() };
         let picture = self.picture(py, names::view(view)?, names::shape(shape)?, zoom, &options)?;

@@ -1,6 +1,7 @@
 """Fabrics and garments: what goes in, and what is refused in the command's words."""
 
 import pickle
+import tracemalloc
 import warnings
 from pathlib import Path
 
@@ -58,11 +59,21 @@ def test_chains_that_are_refused(chains: list[str], keywords: dict[str, object],
 
 
 def test_yarns_that_do_not_fit_are_warned_of() -> None:
-    with pytest.warns(UserWarning, match="cover"):
+    with pytest.warns(UserWarning, match="cover") as caught:
         warpknit.Fabric.from_chains(["1-0/1-2//"], yarn="440 dtex", wales_per_cm=15.0)
+    assert caught[0].filename == __file__, "the user's line is named"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warpknit.Fabric.from_chains(["1-0/1-2//"], yarn="440 dtex")
+
+
+def test_cloth_that_cannot_keep_its_yarns_lengths_is_warned_of() -> None:
+    stretched = BODY * [1.6, 1.6, 1.0]
+    garment = warpknit.Garment.from_arrays(SQUARE, stretched, FACES, uv_scale=1.0)
+    with pytest.warns(UserWarning, match="further than its loops can follow"):
+        warpknit.drape(garment, warpknit.Fabric.named("tricot"), 1.0)
+    with pytest.warns(UserWarning, match="as if they were rubber"):
+        warpknit.drape(garment, warpknit.Fabric.named("cable"), 1.0, sweeps=False)
 
 
 def test_fabric_files(tmp_path: Path) -> None:
@@ -80,6 +91,26 @@ def test_fabric_files(tmp_path: Path) -> None:
 def test_fabrics_pickle() -> None:
     fabric = warpknit.Fabric.named("locknit").at_densities(2.0)
     assert pickle.loads(pickle.dumps(fabric)) == fabric
+
+
+def test_arrays_of_the_right_types_are_read_where_they_lie() -> None:
+    side = 300
+    across, along = np.meshgrid(np.arange(side, dtype=float), np.arange(side, dtype=float))
+    flat = np.column_stack([across.ravel(), along.ravel()])
+    draped = np.column_stack([flat, np.zeros(len(flat))])
+    corner = (np.arange(side - 1) + side * np.arange(side - 1)[:, None]).ravel()
+    faces = np.concatenate([corner[:, None] + [0, 1, side], corner[:, None] + [1, side + 1, side]])
+
+    def copied(*arrays: np.ndarray) -> int:
+        """The most memory that numpy takes meanwhile, bytes."""
+        tracemalloc.start()
+        warpknit.Garment.from_arrays(*arrays)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    assert copied(flat, draped, faces.astype(np.uint32)) < 100_000
+    assert copied(flat.astype(np.float32), draped, faces.astype(np.uint32)) >= flat.nbytes
 
 
 def test_arrays() -> None:

@@ -165,7 +165,8 @@ const FEW_LOCKED: f64 = 0.01;
 
 /// The warning about cloth that is strained further than its loops can follow. `strain` has the counts
 /// of each panel.
-pub(super) fn locked_warning(strain: &[StrainCounts], garment: &Garment) -> Option<String> {
+#[must_use]
+pub fn locked_warning(strain: &[StrainCounts], garment: &Garment) -> Option<String> {
     let share =
         |counts: &StrainCounts| float(counts.locked as u64) / float(counts.points.max(1) as u64);
     let mut all = StrainCounts::default();

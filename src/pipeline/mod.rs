@@ -42,7 +42,8 @@ pub use error::RunError;
 pub use job::Source;
 pub use limits::MOST_STITCHES;
 pub use limits::{
-    check_laid, check_memory, check_placement, check_stitches, lengths_note, loss_warning,
+    check_laid, check_memory, check_placement, check_stitches, lengths_note, locked_warning,
+    loss_warning,
 };
 pub use numbers::RealCloth;
 pub use pictures::options;

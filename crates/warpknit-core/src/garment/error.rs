@@ -208,7 +208,7 @@ pub enum GarmentError {
         must: &'static str,
     },
     /// Arrays that don't belong together.
-    #[error("the arrays hold no garment: {0}")]
+    #[error("the arrays hold no garment")]
     Arrays(#[from] ArrayFault),
 }
 
