@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes the pictures of README.md and of the pages in docs anew: run it anywhere in a checkout.
+# Makes the pictures of README.md and of the pages in docs anew: run it anywhere in a checkout. The pictures of a sock need
+# madypg_sock/cloth.obj in the folder that WARPKNIT_GARMENTS names, which is MADYPG's (https://github.com/kamleshbhalui/MADYPG).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -23,6 +24,12 @@ square 100 100 >"$made/flat.obj"
 square 125 92 >"$made/pulled.obj"
 for mapping in smooth relaxed; do
     knit drape "$made/flat.obj" "$made/pulled.obj" --unit mm --fabric jersey --wales-per-cm 1 --mapping "$mapping" --size 560x460 --zoom 2 --spp 16 -o "docs/pulled_$mapping.png"
+done
+
+# A sock's heel and instep.
+for mapping in smooth relaxed; do
+    [ -n "${WARPKNIT_GARMENTS:-}" ] || break
+    knit drape "$WARPKNIT_GARMENTS/madypg_sock/cloth.obj" --fabric jersey --wales-per-cm 3 --mapping "$mapping" --eye=-100,-90,300 --look-at=-105,-92,20 --fov 9 --size 560x460 --spp 16 --loupe off -o "docs/heel_$mapping.png"
 done
 knit bench --only yarn-length -o docs/yarn_length.svg
 knit bench --only reading -o docs/reading.svg

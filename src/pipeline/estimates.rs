@@ -31,7 +31,7 @@ const GPU_POINT: f64 = 60.0;
 /// space is limited.
 const DRIVER: f64 = 2e9;
 /// Memory of a stitch while it is swept.
-const SWEPT: f64 = 6500.0;
+const SWEPT: f64 = 7000.0;
 /// Memory of a piece of yarn that rays are traced against, with its share of the tree.
 const PIECE: f64 = 75.0;
 /// Pieces between two data points where none are merged, as a mean over bends and straight runs.

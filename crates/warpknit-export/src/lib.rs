@@ -187,9 +187,9 @@ pub enum ExportError {
         vertices: u64,
     },
     /// More than a page holds.
-    #[error("{}{count} {what} are over the {most} that a page holds; enlarge the loops \
-             (--enlarge auto), lower the densities, make parts with --tile, or write .glb or \
-             .usda", prefix(path.as_deref()))]
+    #[error("{}{count} {what} are over the {most} that a page holds; make a swatch of \
+             fewer wales and courses, enlarge the loops of a garment (drape --enlarge auto), make \
+             parts with --tile, or write .glb or .usda", prefix(path.as_deref()))]
     PageTooLarge {
         /// The target.
         path: Option<PathBuf>,

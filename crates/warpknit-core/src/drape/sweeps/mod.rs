@@ -17,7 +17,7 @@
 //! each yarn in turn.
 //!
 //! Cost: some 100 µs a stitch, and 170 without a table. All blocks of a panel are in memory meanwhile,
-//! some 1.8 kB a stitch. Not promised: cloth that lies on cloth.
+//! some 7 kB a stitch. Not promised: cloth that lies on cloth.
 
 mod search;
 
