@@ -28,7 +28,7 @@ fn tubes(cloth: &Cloth<'_>, section: Section) -> Vec<Block> {
     };
     let Ok(_totals) = drape::run(
         cloth,
-        &DrapeOptions { surface: Some(section), ..DrapeOptions::default() },
+        &DrapeOptions { surface: Some(section), sweeps: Some(false), ..DrapeOptions::default() },
         &mut |_, _| {},
         &mut hold,
     );
