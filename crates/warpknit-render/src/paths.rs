@@ -11,6 +11,8 @@
 //! millimetre on a garment. A strand is split at points that are not [`drawable`]. A single point
 //! becomes a ball. Cost: linear in the number of points.
 
+pub(crate) mod periodic;
+
 use std::ops::Range;
 
 use glam::{DVec3, Vec3A, Vec4};
