@@ -35,7 +35,7 @@ pub const RAYS: u32 = 64;
 /// The fewest and the most pixels of a map along either side.
 pub const SIDES: (u32, u32) = (8, 16_384);
 /// The most pixels of a map.
-pub const MOST_PIXELS: u64 = 64_000_000;
+pub const MOST_PIXELS: u64 = 32_000_000;
 /// mm in an inch.
 const INCH: f64 = 25.4;
 
