@@ -8,7 +8,7 @@
 use serde_json::{Value, json};
 
 use super::maps::{Means, base_with_alpha, rgb, surface};
-use super::{FabricMaterial, SHEEN_ROUGHNESS, SIDES, side_name};
+use super::{FabricMaterial, SHEEN_ROUGHNESS};
 use warpknit_core::ids::index32;
 use warpknit_core::number::narrow;
 use warpknit_render::fabric_maps::{Side, SideMaps};
@@ -48,7 +48,7 @@ impl Binary {
 pub(super) fn bytes(material: &FabricMaterial<'_>) -> Vec<u8> {
     let mut binary = Binary::default();
     let mut lists = Lists::default();
-    for side in SIDES {
+    for side in Side::BOTH {
         lists.add_side(material, side, &mut binary);
     }
     let mut document = json!({
@@ -86,7 +86,7 @@ struct Lists {
 impl Lists {
     /// Adds a side: its pictures, its material and its rectangle.
     fn add_side(&mut self, material: &FabricMaterial<'_>, side: Side, binary: &mut Binary) {
-        let (maps, name) = (material.side(side), format!("{} {}", material.name, side_name(side)));
+        let (maps, name) = (material.maps.side(side), format!("{} {}", material.name, side.name()));
         let first = self.textures.len();
         let shines = Means::of(maps).sheen > 0.0;
         self.shines |= shines;
@@ -125,7 +125,8 @@ impl Lists {
             Side::Back => -1.0,
         };
         let (right, up) = (facing * width / 2.0, height / 2.0);
-        let positions = [[-right, -up, 0.0], [right, -up, 0.0], [right, up, 0.0], [-right, up, 0.0]];
+        let positions =
+            [[-right, -up, 0.0], [right, -up, 0.0], [right, up, 0.0], [-right, up, 0.0]];
         // v runs down, from the picture's upper edge.
         let places = [[0.0, v], [u, v], [u, 0.0], [0.0, 0.0]];
         let (half, low) = ([width / 2.0, up, 0.0], [-width / 2.0, -up, 0.0]);

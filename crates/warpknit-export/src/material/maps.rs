@@ -9,8 +9,6 @@ use warpknit_core::number::{double, narrow};
 use warpknit_render::fabric_maps::{Side, SideMaps};
 use warpknit_render::tone;
 
-use super::side_name;
-
 /// Inches in a metre.
 const INCHES: f64 = 39.370_078_740_157_48;
 
@@ -66,7 +64,7 @@ impl Role {
     /// Its file in the material's folder.
     #[must_use]
     pub fn path(self, side: Side) -> String {
-        format!("textures/{}_{}.png", side_name(side), self.name())
+        format!("textures/{}_{}.png", side.name(), self.name())
     }
 }
 
@@ -115,9 +113,9 @@ impl Means {
 /// The mean of pixels' values, weighted by the yarn in them.
 fn over_yarn(maps: &SideMaps, value: impl Fn(usize) -> f64) -> f64 {
     let weights = maps.alpha.as_raw().iter().copied().map(f64::from);
-    let (sum, weight) = weights.enumerate().fold((0.0, 0.0), |(sum, all), (at, weight)| {
-        (sum + weight * value(at), all + weight)
-    });
+    let (sum, weight) = weights
+        .enumerate()
+        .fold((0.0, 0.0), |(sum, all), (at, weight)| (sum + weight * value(at), all + weight));
     if weight > 0.0 { sum / weight } else { 0.0 }
 }
 
@@ -128,7 +126,8 @@ fn share(byte: u8) -> f64 {
 /// A side's map as PNG.
 pub(super) fn png(maps: &SideMaps, role: Role, dpi: [f64; 2]) -> Vec<u8> {
     let [width, height] = [maps.alpha.width(), maps.alpha.height()];
-    let grey = |picture: &GrayImage| picture.as_raw().iter().flat_map(|&value| [value; 3]).collect();
+    let grey =
+        |picture: &GrayImage| picture.as_raw().iter().flat_map(|&value| [value; 3]).collect();
     let data: Vec<u8> = match role {
         Role::BaseColor => maps.base_color.as_raw().clone(),
         Role::Normal => maps.normal.as_raw().clone(),

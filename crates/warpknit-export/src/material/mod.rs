@@ -24,7 +24,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use warpknit_core::number::whole_f64;
-use warpknit_render::fabric_maps::{FabricMaps, Side, SideMaps};
+use warpknit_render::fabric_maps::{FabricMaps, Side};
 
 pub use maps::{Means, Role};
 pub use u3ma::UtcTime;
@@ -33,8 +33,6 @@ pub use u3ma::UtcTime;
 const PLANE: f64 = 100.0;
 /// How widely fibres that stand off a yarn scatter light, where a format asks: as in files of tubes.
 const SHEEN_ROUGHNESS: f64 = 0.5;
-/// Both sides, in the order of the files.
-const SIDES: [Side; 2] = [Side::Front, Side::Back];
 
 /// A fabric as a material.
 #[derive(Clone, Debug)]
@@ -98,13 +96,13 @@ impl FabricMaterial<'_> {
     #[must_use]
     pub fn files(&self) -> Vec<MaterialFile> {
         let wanted: Vec<_> =
-            SIDES.iter().flat_map(|&side| Role::ALL.map(|role| (side, role))).collect();
+            Side::BOTH.iter().flat_map(|&side| Role::ALL.map(|role| (side, role))).collect();
         let dpi = self.maps.dpi();
         let mut files: Vec<MaterialFile> = wanted
             .into_par_iter()
             .map(|(side, role)| MaterialFile {
                 name: role.path(side),
-                bytes: maps::png(self.side(side), role, dpi),
+                bytes: maps::png(self.maps.side(side), role, dpi),
             })
             .collect();
         files.push(MaterialFile { name: PREVIEW.to_owned(), bytes: self.preview.png.clone() });
@@ -123,13 +121,6 @@ impl FabricMaterial<'_> {
         MaterialFile { name: format!("{}.{ending}", self.name), bytes }
     }
 
-    fn side(&self, side: Side) -> &SideMaps {
-        match side {
-            Side::Front => &self.maps.front,
-            Side::Back => &self.maps.back,
-        }
-    }
-
     /// How often the repeat lies on the plane, across and up.
     fn repeats(&self) -> DVec2 {
         (DVec2::splat(PLANE) / self.maps.size).round().max(DVec2::ONE)
@@ -138,14 +129,6 @@ impl FabricMaterial<'_> {
     /// Width and height of the plane, mm.
     fn plane(&self) -> DVec2 {
         self.repeats() * self.maps.size
-    }
-}
-
-/// The name of a side.
-fn side_name(side: Side) -> &'static str {
-    match side {
-        Side::Front => "front",
-        Side::Back => "back",
     }
 }
 

@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 
 use super::maps::{Means, Role};
-use super::{FabricMaterial, SHEEN_ROUGHNESS, SIDES, decimal, side_name};
+use super::{FabricMaterial, SHEEN_ROUGHNESS, decimal};
 use warpknit_render::fabric_maps::Side;
 
 /// A picture of a graph: what it says, and its MaterialX type.
@@ -40,7 +40,7 @@ pub(super) fn text(material: &FabricMaterial<'_>) -> String {
         decimal(material.maps.size.x),
         decimal(material.maps.size.y)
     );
-    for side in SIDES {
+    for side in Side::BOTH {
         add(&mut text, format_args!("{}{}", graph(material, side), surface(material, side)));
     }
     text + "</materialx>\n"
@@ -48,7 +48,7 @@ pub(super) fn text(material: &FabricMaterial<'_>) -> String {
 
 /// The graph of a side's pictures.
 fn graph(material: &FabricMaterial<'_>, side: Side) -> String {
-    let mut text = format!("  <nodegraph name=\"maps_{}\">\n", side_name(side));
+    let mut text = format!("  <nodegraph name=\"maps_{}\">\n", side.name());
     let tiling = (1000.0 / material.maps.size).to_array().map(decimal);
     for (role, kind) in IMAGES {
         let space = if role == Role::BaseColor { " colorspace=\"srgb_texture\"" } else { "" };
@@ -73,7 +73,9 @@ fn graph(material: &FabricMaterial<'_>, side: Side) -> String {
         let (name, from) = (role.name(), if role == Role::Normal { "map" } else { "image" });
         add(
             &mut text,
-            format_args!("    <output name=\"{name}\" type=\"{kind}\" nodename=\"{name}_{from}\" />\n"),
+            format_args!(
+                "    <output name=\"{name}\" type=\"{kind}\" nodename=\"{name}_{from}\" />\n"
+            ),
         );
     }
     text + "  </nodegraph>\n"
@@ -81,7 +83,7 @@ fn graph(material: &FabricMaterial<'_>, side: Side) -> String {
 
 /// The surface, the displacement and the material of a side.
 fn surface(material: &FabricMaterial<'_>, side: Side) -> String {
-    let (name, side_name) = (&material.name, side_name(side));
+    let (name, side_name) = (&material.name, side.name());
     let kind_of = |role: Role| IMAGES.iter().find(|(own, _)| *own == role).map_or("", |own| own.1);
     let mut text =
         format!("  <open_pbr_surface name=\"surface_{side_name}\" type=\"surfaceshader\">\n");
@@ -92,7 +94,7 @@ fn surface(material: &FabricMaterial<'_>, side: Side) -> String {
             role.name()
         )
     };
-    let shines = Means::of(material.side(side)).sheen > 0.0;
+    let shines = Means::of(material.maps.side(side)).sheen > 0.0;
     for (role, name) in INPUTS.into_iter().filter(|(role, _)| shines || *role != Role::Sheen) {
         text += &input(name, role);
     }

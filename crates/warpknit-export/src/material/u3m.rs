@@ -50,7 +50,7 @@ fn uuid(id: u128) -> String {
 
 /// One side's look.
 fn visual(material: &FabricMaterial<'_>, side: Side) -> Value {
-    let means = Means::of(material.side(side));
+    let means = Means::of(material.maps.side(side));
     let mapped = |role: Role, mean: f64, factor: f64| {
         json!({
             "constant": decimal(mean),

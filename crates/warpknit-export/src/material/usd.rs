@@ -6,8 +6,8 @@
 
 use std::fmt::Write as _;
 
+use super::FabricMaterial;
 use super::maps::Role;
-use super::{FabricMaterial, SIDES, side_name};
 use warpknit_render::fabric_maps::Side;
 
 /// Inputs of the preview surface, with their types and the pictures and channels for them.
@@ -28,7 +28,7 @@ pub(super) fn text(material: &FabricMaterial<'_>) -> String {
          metersPerUnit = 0.001\n    upAxis = \"Y\"\n)\n\ndef Xform \"fabric\"\n{{\n",
         material.name, material.maps.size.x, material.maps.size.y
     );
-    for side in SIDES {
+    for side in Side::BOTH {
         add(&mut text, format_args!("{}{}", mesh(material, side), look(material, side)));
     }
     text + "}\n"
@@ -36,7 +36,7 @@ pub(super) fn text(material: &FabricMaterial<'_>) -> String {
 
 /// The rectangle of a side.
 fn mesh(material: &FabricMaterial<'_>, side: Side) -> String {
-    let (plane, repeats, name) = (material.plane() / 2.0, material.repeats(), side_name(side));
+    let (plane, repeats, name) = (material.plane() / 2.0, material.repeats(), side.name());
     let facing = match side {
         Side::Front => 1.0,
         Side::Back => -1.0,
@@ -61,7 +61,7 @@ fn mesh(material: &FabricMaterial<'_>, side: Side) -> String {
 
 /// The material of a side.
 fn look(material: &FabricMaterial<'_>, side: Side) -> String {
-    let name = side_name(side);
+    let name = side.name();
     let path = format!("/fabric/{name}_material");
     let mut text = format!(
         "    def Material \"{name}_material\"\n    {{\n        \
@@ -116,7 +116,7 @@ fn texture(material: &FabricMaterial<'_>, side: Side, role: Role, channel: &str)
          token inputs:sourceColorSpace = \"{space}\"\n            \
          token inputs:wrapS = \"repeat\"\n            token inputs:wrapT = \"repeat\"\n\
          {scaled}            {output}\n        }}\n",
-        side_name(side)
+        side.name()
     )
 }
 

@@ -12,6 +12,7 @@
 
 mod film;
 mod lit;
+pub mod plane;
 mod raytrace;
 mod sample;
 mod splat;

@@ -25,7 +25,6 @@ use rayon::prelude::*;
 use crate::cpu::endless::{EndlessCloth, Texel};
 use crate::scene::Scene;
 use warpknit_core::fabric::Fabric;
-use warpknit_core::ids::index32;
 use warpknit_core::knit::Pattern;
 use warpknit_core::number::whole_f64;
 use yarns::{RepeatScene, repeat_size};
@@ -35,7 +34,7 @@ pub const RAYS: u32 = 64;
 /// The fewest and the most pixels of a map along either side.
 pub const SIDES: (u32, u32) = (8, 16_384);
 /// The most pixels of a map.
-pub const MOST_PIXELS: u64 = 32_000_000;
+pub const MOST_PIXELS: u64 = 16_000_000;
 /// mm in an inch.
 const INCH: f64 = 25.4;
 
@@ -135,6 +134,18 @@ impl Side {
         }
     }
 
+    /// Both sides.
+    pub const BOTH: [Self; 2] = [Self::Front, Self::Back];
+
+    /// Its name: `front` or `back`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Front => "front",
+            Self::Back => "back",
+        }
+    }
+
     /// Height toward the viewer of a place at depth z.
     pub(crate) fn height(self, z: f32) -> f32 {
         match self {
@@ -170,8 +181,7 @@ impl FabricMaps {
         dpi: f64,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Self, FabricMapsError> {
-        let size = repeat_size(fabric);
-        let pixels = pixels_of(size, dpi)?;
+        let (size, pixels) = (repeat_size(fabric), Self::pixels_at(fabric, dpi)?);
         let pixel = (size / DVec2::new(f64::from(pixels[0]), f64::from(pixels[1]))).min_element();
         let RepeatScene { scene, paths, periods } = RepeatScene::new(fabric, pattern, bars, pixel)?;
         let cloth = EndlessCloth::new(&scene, paths, &periods, size, pixels);
@@ -186,6 +196,23 @@ impl FabricMaps {
             front: side(Side::Front, 0.0),
             back: side(Side::Back, 0.5),
         })
+    }
+
+    /// Width and height of the maps of a fabric near `dpi` pixels per inch: whole pixels a repeat.
+    ///
+    /// # Errors
+    /// [`FabricMapsError::TooLarge`], [`FabricMapsError::TooSmall`].
+    pub fn pixels_at(fabric: &Fabric, dpi: f64) -> Result<[u32; 2], FabricMapsError> {
+        pixels_of(repeat_size(fabric), dpi)
+    }
+
+    /// The maps of a side.
+    #[must_use]
+    pub fn side(&self, side: Side) -> &SideMaps {
+        match side {
+            Side::Front => &self.front,
+            Side::Back => &self.back,
+        }
     }
 
     /// Width and height of the maps, pixels.

@@ -89,11 +89,14 @@ fn filled(texels: Vec<Sums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
     let (width, height) = (width as usize, height as usize);
     let half = [width.div_ceil(2), height.div_ceil(2)];
     // Pull: sums over two by two texels. At an odd edge one row or column stands alone.
-    let coarse = (0..half[1]).flat_map(|y| (0..half[0]).map(move |x| [2 * x, 2 * y])).map(|[x, y]| {
-        let rows = [y, (y + 1).min(height - 1)];
-        let columns = [x, (x + 1).min(width - 1)];
-        rows.into_iter().flat_map(|y| columns.map(|x| texels[y * width + x])).fold(Sums::default(), Sums::plus)
-    });
+    let coarse =
+        (0..half[1]).flat_map(|y| (0..half[0]).map(move |x| [2 * x, 2 * y])).map(|[x, y]| {
+            let rows = [y, (y + 1).min(height - 1)];
+            let columns = [x, (x + 1).min(width - 1)];
+            rows.into_iter()
+                .flat_map(|y| columns.map(|x| texels[y * width + x]))
+                .fold(Sums::default(), Sums::plus)
+        });
     let size = half.map(warpknit_core::ids::index32);
     let coarse = filled(coarse.collect(), size);
     // Push: a texel without yarn takes what the four nearest coarse ones have, around the edges.
@@ -115,9 +118,11 @@ fn filled(texels: Vec<Sums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
     texels
         .iter()
         .enumerate()
-        .map(|(at, texel)| {
-            if texel.cover > 0.0 { texel.means() } else { push(at % width, at / width) }
-        })
+        .map(
+            |(at, texel)| {
+                if texel.cover > 0.0 { texel.means() } else { push(at % width, at / width) }
+            },
+        )
         .collect()
 }
 
@@ -169,7 +174,12 @@ mod tests {
     use super::*;
 
     fn texel(cover: f32, albedo: f32) -> Texel {
-        Texel { cover, albedo: Vec3::splat(albedo * cover), normal: Vec3::Z * cover, ..Texel::default() }
+        Texel {
+            cover,
+            albedo: Vec3::splat(albedo * cover),
+            normal: Vec3::Z * cover,
+            ..Texel::default()
+        }
     }
 
     #[test]
@@ -186,7 +196,9 @@ mod tests {
 
     #[test]
     fn heights_reach_from_the_lowest_to_the_highest_surface() {
-        for (side, z, height) in [(Side::Front, 0.3, 65_535), (Side::Back, 0.3, 0), (Side::Back, -0.1, 65_535)] {
+        for (side, z, height) in
+            [(Side::Front, 0.3, 65_535), (Side::Back, 0.3, 0), (Side::Back, -0.1, 65_535)]
+        {
             let one = Texel { height: side.height(z) * 0.5, ..texel(0.5, 1.0) };
             let maps = SideMaps::from_texels(vec![one], [1, 1], side, [-0.1, 0.3]);
             assert_eq!(maps.height.get_pixel(0, 0).0, [height], "{side:?} {z}");

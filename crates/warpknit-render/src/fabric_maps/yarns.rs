@@ -137,7 +137,11 @@ mod tests {
     #[test]
     fn plies_make_whole_turns() {
         for (plies, slope) in [(2, Some(0.31)), (3, Some(-0.27)), (3, None)] {
-            let look = YarnLook { plies, twist_slope: slope, ..YarnLook::plain(glam::Vec3::ONE, 0.5, 0.05) };
+            let look = YarnLook {
+                plies,
+                twist_slope: slope,
+                ..YarnLook::plain(glam::Vec3::ONE, 0.5, 0.05)
+            };
             let closed = closed_look(&look, 4.2);
             let turns = f64::from(plies) * f64::from(closed.twist_slope.unwrap()) * 4.2
                 / (TAU * f64::from(look.radius));

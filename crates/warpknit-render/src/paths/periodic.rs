@@ -157,9 +157,11 @@ fn images(
     own: RangeInclusive<f64>,
     period: f64,
 ) -> RangeInclusive<i32> {
-    let ends =
-        [(within.start() - own.end()) / period, (within.end() - own.start()) / period];
-    #[expect(clippy::cast_possible_truncation, reason = "rounded before, and some hundreds at most")]
+    let ends = [(within.start() - own.end()) / period, (within.end() - own.start()) / period];
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "rounded before, and some hundreds at most"
+    )]
     let [first, last] = [ends[0].ceil() as i32, ends[1].floor() as i32];
     first..=last
 }

@@ -95,10 +95,8 @@ impl<'a> EndlessCloth<'a> {
             let look = self.bvh.segments.look(hit.start);
             let point = self.bvh.segments.point_on_tube(&ray, hit);
             let (surface, relief) = self.surface(look, &point, -ray.direction);
-            let toward = cosine_direction(
-                surface.normal,
-                sampler.pair(SampleDimension::Sky, index, rays),
-            );
+            let toward =
+                cosine_direction(surface.normal, sampler.pair(SampleDimension::Sky, index, rays));
             let is_open = point.normal.dot(toward) > 0.0 && {
                 let sky = self.sky_ray(&point, toward, look);
                 self.bvh.occluder(&sky, hit.start, &mut waiting).is_none()

@@ -10,7 +10,7 @@
 
 mod build;
 mod capsule;
-pub(super) mod endless;
+pub(crate) mod endless;
 mod lanes;
 mod ray;
 pub(super) mod rays;
