@@ -10,11 +10,15 @@ use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 use super::{Side, SideMaps};
 use crate::cpu::endless::Texel;
 use crate::tone;
+use warpknit_core::ids::index32;
 use warpknit_core::number::byte;
 
 /// Largest growth of the squared width of highlights by the spread of normals (Tokuyoshi and
 /// Kaplanyan 2019). Without a limit, pixels at the rims of yarns would become fully dull.
 const MOST_SPREAD: f32 = 0.18;
+/// Cover below which a pixel's values come from its neighbours too. A few rays say little of
+/// occlusion: the rims of yarns would be speckled. Above an eighth, rims would blur.
+const LEAST_COVER: f32 = 1.0 / 8.0;
 /// The number of a texel's values that are filled in.
 const VALUES: usize = 10;
 
@@ -41,16 +45,17 @@ impl SideMaps {
         let height = covers.iter().zip(&heights).map(|(&cover, &height)| {
             if cover > 0.0 { word((height / cover - low) / depth) } else { 0 }
         });
-        let [albedo, normal] = [0, 3].map(|at| move |mean: &[f32; VALUES]| vector(mean, at));
+        let normals = covers.iter().zip(&means).flat_map(|(&cover, mean)| {
+            // A hole's own normal counts for nothing; that of a rim would tilt the whole of it.
+            let unit = if cover > 0.0 { vector(mean, 3).normalize_or(Vec3::Z) } else { Vec3::Z };
+            (unit * 127.5 + 127.5).to_array().map(byte)
+        });
         Self {
-            base_color: colors(size, &means, |mean| tone::encode(albedo(mean))),
-            normal: colors(size, &means, |mean| {
-                let unit = normal(mean).normalize_or(Vec3::Z);
-                (unit * 127.5 + 127.5).to_array().map(byte)
-            }),
+            base_color: colors(size, &means),
+            normal: picture(size, normals.collect()),
             height: picture(size, height.collect()),
             alpha: picture(size, covers.iter().map(|&cover| byte(255.0 * cover)).collect()),
-            roughness: greys(size, &means, |mean| widened(mean[6], normal(mean).length())),
+            roughness: greys(size, &means, |mean| widened(mean[6], vector(mean, 3).length())),
             metallic: greys(size, &means, |mean| mean[7]),
             occlusion: greys(size, &means, |mean| mean[8]),
             sheen: greys(size, &means, |mean| mean[9]),
@@ -80,10 +85,10 @@ impl Sums {
     }
 }
 
-/// The means of all texels; those without yarn have the mean of their neighbourhood, the smallest
-/// that holds yarn.
+/// The means of all texels. Those with little yarn or none have the mean of their neighbourhood, the
+/// smallest that holds enough.
 fn filled(texels: Vec<Sums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
-    if texels.iter().all(|texel| texel.cover > 0.0) || texels.len() == 1 {
+    if texels.iter().all(|texel| texel.cover >= LEAST_COVER) || texels.len() == 1 {
         return texels.into_iter().map(Sums::means).collect();
     }
     let (width, height) = (width as usize, height as usize);
@@ -97,24 +102,7 @@ fn filled(texels: Vec<Sums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
                 .flat_map(|y| columns.map(|x| texels[y * width + x]))
                 .fold(Sums::default(), Sums::plus)
         });
-    let size = half.map(warpknit_core::ids::index32);
-    let coarse = filled(coarse.collect(), size);
-    // Push: a texel without yarn takes what the four nearest coarse ones have, around the edges.
-    let push = |x: usize, y: usize| {
-        let beside = |at: usize, count: usize| {
-            if at % 2 == 1 { (at / 2 + 1) % count } else { (at / 2 + count - 1) % count }
-        };
-        let columns = [x / 2, x / 2, x / 2, beside(x, half[0])];
-        let rows = [y / 2, y / 2, y / 2, beside(y, half[1])];
-        let mut mean = [0.0; VALUES];
-        for row in rows {
-            for column in columns {
-                let near = &coarse[row * half[0] + column];
-                mean.iter_mut().zip(near).for_each(|(mean, near)| *mean += near / 16.0);
-            }
-        }
-        mean
-    };
+    let coarse = Coarse { means: filled(coarse.collect(), half.map(index32)), size: half };
     texels
         .iter()
         .enumerate()
@@ -124,6 +112,32 @@ fn filled(texels: Vec<Sums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
             },
         )
         .collect()
+}
+
+/// Means of two by two texels each.
+struct Coarse {
+    means: Vec<[f32; VALUES]>,
+    size: [usize; 2],
+}
+
+impl Coarse {
+    /// Push: what the four coarse texels nearest to a fine one have, interpolated, around the edges
+    /// of the map.
+    fn around(&self, x: usize, y: usize) -> [f32; VALUES] {
+        let [width, height] = self.size;
+        let columns = [x / 2, x / 2, x / 2, beside(x, width)];
+        let rows = [y / 2, y / 2, y / 2, beside(y, height)];
+        let mut mean = [0.0; VALUES];
+        for place in rows.into_iter().flat_map(|row| columns.map(|column| row * width + column)) {
+            mean.iter_mut().zip(&self.means[place]).for_each(|(mean, near)| *mean += near / 16.0);
+        }
+        mean
+    }
+}
+
+/// The second nearest of `count` coarse texels in a line to a fine one.
+fn beside(at: usize, count: usize) -> usize {
+    if at % 2 == 1 { (at / 2 + 1) % count } else { (at / 2 + count - 1) % count }
 }
 
 /// A roughness that is widened by the spread of normals whose mean has this length. The spread is
@@ -140,12 +154,9 @@ fn vector(mean: &[f32; VALUES], at: usize) -> Vec3 {
     Vec3::new(mean[at], mean[at + 1], mean[at + 2])
 }
 
-fn colors(
-    size: [u32; 2],
-    means: &[[f32; VALUES]],
-    color: impl Fn(&[f32; VALUES]) -> [u8; 3],
-) -> RgbImage {
-    picture::<Rgb<u8>>(size, means.iter().flat_map(color).collect())
+/// The base colours, sRGB.
+fn colors(size: [u32; 2], means: &[[f32; VALUES]]) -> RgbImage {
+    picture::<Rgb<u8>>(size, means.iter().flat_map(|mean| tone::encode(vector(mean, 0))).collect())
 }
 
 fn greys(

@@ -33,9 +33,10 @@ pub(super) struct RepeatScene {
 }
 
 /// One yarn of the repeat.
-struct RepeatYarn {
+pub(super) struct RepeatYarn {
     bar: usize,
-    points: Vec<DVec3>,
+    /// Its control points over one repeat, mm from the repeat's lowest-left corner.
+    pub(super) points: Vec<DVec3>,
     /// From a point to the same point in the next repeat, mm.
     period: DVec3,
 }
@@ -48,15 +49,14 @@ pub(super) fn repeat_size(fabric: &Fabric) -> DVec2 {
 }
 
 impl RepeatScene {
-    /// The yarns of a repeat, with the looks of `bars`, subdivided for pixels of `pixel` mm.
+    /// The yarns of a repeat, with the looks of `bars`, subdivided for pixels of `pixel` mm. `cell` is
+    /// the size of the repeat, mm.
     pub(super) fn new(
-        fabric: &Fabric,
-        pattern: &Pattern,
+        yarns: &[RepeatYarn],
+        cell: DVec2,
         bars: &Scene,
         pixel: f64,
     ) -> Result<Self, FabricMapsError> {
-        let cell = repeat_size(fabric);
-        let yarns = repeat_yarns(fabric, pattern, cell);
         let thickest = bars.looks.iter().map(|look| look.radius).fold(0.0, f32::max);
         let mut made = Self {
             scene: Scene { shape: bars.shape, maps: bars.maps.clone(), ..Scene::default() },
@@ -65,7 +65,7 @@ impl RepeatScene {
         };
         let reach = DVec2::splat(f64::from(thickest * SKY_REACH_RADII));
         let within = [-reach, cell + reach];
-        for yarn in &yarns {
+        for yarn in yarns {
             let look = u16::try_from(made.scene.looks.len())
                 .map_err(|_over| FabricMapsError::TooManyYarns { yarns: yarns.len() })?;
             let path = ClosedPath::new(&yarn.points, yarn.period, pixel);
@@ -80,7 +80,8 @@ impl RepeatScene {
 }
 
 /// All yarns of one repeat.
-fn repeat_yarns(fabric: &Fabric, pattern: &Pattern, cell: DVec2) -> Vec<RepeatYarn> {
+pub(super) fn repeat_yarns(fabric: &Fabric, pattern: &Pattern) -> Vec<RepeatYarn> {
+    let cell = repeat_size(fabric);
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
     let [wales, courses] =
         [fabric.threading_repeat(), fabric.repeat()].map(|count| i64::from(index32(count)));
@@ -120,10 +121,11 @@ mod tests {
     fn a_repeat_holds_each_yarn_once_and_its_surroundings() {
         let fabric = Fabric::named("locknit").unwrap();
         let bars = Scene { looks: cloth::looks(&fabric, fabric.radius()), ..Scene::default() };
-        let repeat = RepeatScene::new(&fabric, &Pattern::new(&fabric), &bars, 0.01).unwrap();
+        let cell = repeat_size(&fabric);
+        let yarns = repeat_yarns(&fabric, &Pattern::new(&fabric));
+        let repeat = RepeatScene::new(&yarns, cell, &bars, 0.01).unwrap();
         // A wale of two bars.
         assert_eq!((repeat.scene.looks.len(), repeat.periods.len()), (2, 2));
-        let cell = repeat_size(&fabric);
         let reach = f64::from(SKY_REACH_RADII) * fabric.radius();
         for corner in [DVec2::ZERO, cell] {
             let near = |point: &glam::Vec4| {
