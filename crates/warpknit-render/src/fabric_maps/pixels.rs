@@ -93,7 +93,7 @@ fn filled(texels: Vec<Sums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
     }
     let (width, height) = (width as usize, height as usize);
     let half = [width.div_ceil(2), height.div_ceil(2)];
-    // Pull: sums over two by two texels. At an odd edge one row or column stands alone.
+    // Pull: sums over two by two texels. At an odd edge the last row or column counts twice.
     let coarse =
         (0..half[1]).flat_map(|y| (0..half[0]).map(move |x| [2 * x, 2 * y])).map(|[x, y]| {
             let rows = [y, (y + 1).min(height - 1)];
@@ -103,15 +103,15 @@ fn filled(texels: Vec<Sums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
                 .fold(Sums::default(), Sums::plus)
         });
     let coarse = Coarse { means: filled(coarse.collect(), half.map(index32)), size: half };
-    texels
-        .iter()
-        .enumerate()
-        .map(
-            |(at, texel)| {
-                if texel.cover > 0.0 { texel.means() } else { push(at % width, at / width) }
-            },
-        )
-        .collect()
+    let texel_means = texels.iter().enumerate().map(|(at, texel)| {
+        let missing = LEAST_COVER - texel.cover;
+        if missing <= 0.0 {
+            return texel.means();
+        }
+        let near = coarse.around(at % width, at / width);
+        std::array::from_fn(|value| (texel.values[value] + missing * near[value]) / LEAST_COVER)
+    });
+    texel_means.collect()
 }
 
 /// Means of two by two texels each.
