@@ -17,14 +17,12 @@ use crate::export::material::{
 use crate::export::{ExportError, OutputFolder, png};
 use crate::fabric::{Fabric, Structure};
 use crate::pipeline::MappedFabric;
-use crate::render::cpu::plane::MappedPlane;
-use crate::render::fabric_maps::{FabricMaps, Side};
+use crate::render::fabric_maps::{FabricMaps, MappedPlane, Side};
 use crate::render::{Background, Light};
 
 /// Pixels of each side of the cloth in the material's picture.
 const PREVIEW_SIDE: u32 = 480;
-/// The least cloth along a side of the picture, mm, and the least repeats.
-const PREVIEW_MM: f64 = 8.0;
+/// The least number of repeats along each side.
 const PREVIEW_REPEATS: f64 = 3.0;
 
 /// What a report says, and how the maps were asked for.
@@ -156,7 +154,10 @@ fn id(fabric: &Fabric, maps: &FabricMaps) -> u128 {
 
 /// The picture of the material: the face on the left and the back on the right.
 fn preview(maps: &FabricMaps) -> Preview {
-    let side = (PREVIEW_REPEATS * maps.size.max_element()).max(PREVIEW_MM);
+    // A pixel is no smaller than one of the maps, which have nothing finer to show.
+    let [across, up] = maps.pixels().map(f64::from);
+    let texel = (maps.size / DVec2::new(across, up)).max_element();
+    let side = (PREVIEW_REPEATS * maps.size.max_element()).max(texel * f64::from(PREVIEW_SIDE));
     let pixel = side / f64::from(PREVIEW_SIDE);
     let [left, right] = Side::BOTH.map(|side| {
         MappedPlane::new(maps, side, &Light::default()).picture(

@@ -9,8 +9,7 @@ use image::{DynamicImage, RgbaImage};
 use serde_json::Value;
 use warpknit::fabric::Fabric;
 use warpknit::pipeline::{Clock, MappedFabric, fabric_maps};
-use warpknit::render::cpu::plane::MappedPlane;
-use warpknit::render::fabric_maps::{Side, SideMaps};
+use warpknit::render::fabric_maps::{MappedPlane, Side, SideMaps};
 use warpknit::render::{Background, Camera, Light, RenderOptions, cloth, render};
 
 use crate::cli::{fails, warpknit};
@@ -23,7 +22,13 @@ fn mapped(name: &str, dpi: f64) -> MappedFabric {
 
 /// A square of cloth seen from so far that rays are parallel: `pixels` pixels of `pixel` mm, from
 /// the lower left corner of a repeat on, or of its mirror image at the back.
-fn yarns(fabric: &Fabric, side: Side, pixels: u32, pixel: f64, background: Background) -> RgbaImage {
+fn yarns(
+    fabric: &Fabric,
+    side: Side,
+    pixels: u32,
+    pixel: f64,
+    background: Background,
+) -> RgbaImage {
     const AWAY: f64 = 20_000.0;
     let width = f64::from(pixels) * pixel;
     let cell = [
@@ -46,7 +51,8 @@ fn yarns(fabric: &Fabric, side: Side, pixels: u32, pixel: f64, background: Backg
     ];
     let facing = if side == Side::Front { 1.0 } else { -1.0 };
     // From behind, the first repeat's lower right corner is at the lower left.
-    let left = if side == Side::Front { start[0] } else { start[0] + (width / cell[0]).ceil() * cell[0] };
+    let left =
+        if side == Side::Front { start[0] } else { start[0] + (width / cell[0]).ceil() * cell[0] };
     let middle = DVec3::new(left + facing * width / 2.0, start[1] + width / 2.0, 0.0);
     let fov = 2.0 * (width / 2.0 / AWAY).atan();
     let camera = Camera::look_at(middle + DVec3::Z * (facing * AWAY), middle, fov, 1.0);
@@ -62,7 +68,13 @@ fn yarns(fabric: &Fabric, side: Side, pixels: u32, pixel: f64, background: Backg
 }
 
 /// The same square as a plane with the maps.
-fn plane(mapped: &MappedFabric, side: Side, pixels: u32, pixel: f64, background: Background) -> RgbaImage {
+fn plane(
+    mapped: &MappedFabric,
+    side: Side,
+    pixels: u32,
+    pixel: f64,
+    background: Background,
+) -> RgbaImage {
     MappedPlane::new(&mapped.maps, side, &Light::default()).picture([pixels; 2], pixel, background)
 }
 

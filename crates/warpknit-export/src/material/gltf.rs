@@ -17,9 +17,11 @@ const MAGIC: u32 = 0x4654_6c67;
 const JSON_CHUNK: u32 = 0x4e4f_534a;
 const BINARY_CHUNK: u32 = 0x004e_4942;
 const SHEEN: &str = "KHR_materials_sheen";
-// Types of numbers, by OpenGL's names.
+// Types of numbers and uses of arrays, by OpenGL's names.
 const UNSIGNED_SHORT: u32 = 5123;
 const FLOAT: u32 = 5126;
+const VERTEX_ARRAY: u32 = 34_962;
+const INDEX_ARRAY: u32 = 34_963;
 /// Pictures of a side: base colour, normals, surface; and its sheen if it has any.
 const PICTURES: usize = 3;
 /// Two triangles.
@@ -41,6 +43,13 @@ impl Binary {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         self.views.push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len() }));
         self.views.len() - 1
+    }
+
+    /// Adds an array of a mesh as a view.
+    fn push_array(&mut self, bytes: &[u8], target: u32) -> usize {
+        let view = self.push(bytes);
+        self.views[view]["target"] = json!(target);
+        view
     }
 }
 
@@ -140,7 +149,7 @@ impl Lists {
         let positions = &mut self.accessors[place.expect("added above")];
         (positions["min"], positions["max"]) = (json!(low), json!(half));
         let indices: Vec<u8> = INDICES.iter().flat_map(|index| index.to_le_bytes()).collect();
-        self.add(binary.push(&indices), UNSIGNED_SHORT, INDICES.len(), "SCALAR");
+        self.add(binary.push_array(&indices, INDEX_ARRAY), UNSIGNED_SHORT, INDICES.len(), "SCALAR");
         attributes
     }
 
@@ -151,7 +160,7 @@ impl Lists {
         kind: &str,
         binary: &mut Binary,
     ) -> usize {
-        let view = binary.push(bytemuck::cast_slice(vectors.as_flattened()));
+        let view = binary.push_array(bytemuck::cast_slice(vectors.as_flattened()), VERTEX_ARRAY);
         self.add(view, FLOAT, vectors.len(), kind)
     }
 

@@ -11,8 +11,7 @@
 //! or with the rest.
 
 mod film;
-mod lit;
-pub mod plane;
+pub(crate) mod lit;
 mod raytrace;
 mod sample;
 mod splat;

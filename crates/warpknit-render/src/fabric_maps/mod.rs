@@ -15,17 +15,21 @@
 //! The bytes depend on the arguments alone. Cost: about 0.1 ms a pixel of a map. Not promised: the
 //! look of cloth from near at a slant, where yarns hide each other. Yarns are round tubes.
 
+mod closed_path;
 mod pixels;
+mod plane;
 mod yarns;
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::{DVec2, Vec3};
+use glam::DVec2;
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
 use rayon::prelude::*;
 
+pub use crate::cpu::endless::Side;
 use crate::cpu::endless::{EndlessCloth, Texel};
 use crate::scene::Scene;
+pub use plane::MappedPlane;
 use warpknit_core::fabric::Fabric;
 use warpknit_core::knit::Pattern;
 use warpknit_core::number::whole_f64;
@@ -81,15 +85,6 @@ pub enum FabricMapsError {
     },
 }
 
-/// A side of the cloth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// The technical face, seen from +z with x to the right.
-    Front,
-    /// The technical back, seen from -z with x to the left.
-    Back,
-}
-
 /// The maps of one side, all of one size. Row 0 is the upper one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SideMaps {
@@ -124,37 +119,6 @@ pub struct FabricMaps {
     pub front: SideMaps,
     /// The technical back.
     pub back: SideMaps,
-}
-
-impl Side {
-    /// A direction in the map's axes: right, up, toward the viewer.
-    pub(crate) fn in_map_axes(self, direction: Vec3) -> Vec3 {
-        match self {
-            Self::Front => direction,
-            // The back is turned about the upright axis.
-            Self::Back => Vec3::new(-direction.x, direction.y, -direction.z),
-        }
-    }
-
-    /// Both sides.
-    pub const BOTH: [Self; 2] = [Self::Front, Self::Back];
-
-    /// Its name: `front` or `back`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Front => "front",
-            Self::Back => "back",
-        }
-    }
-
-    /// Height toward the viewer of a place at depth z.
-    pub(crate) fn height(self, z: f32) -> f32 {
-        match self {
-            Self::Front => z,
-            Self::Back => -z,
-        }
-    }
 }
 
 impl FabricMaps {

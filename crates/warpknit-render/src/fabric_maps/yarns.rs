@@ -11,9 +11,9 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use super::FabricMapsError;
+use super::closed_path::{ClosedPath, Copies};
 use crate::light::SKY_REACH_RADII;
 use crate::paths::YarnPaths;
-use crate::paths::periodic::{ClosedPath, Copies};
 use crate::ply;
 use crate::scene::{Scene, YarnLook};
 use warpknit_core::fabric::Fabric;

@@ -20,7 +20,6 @@ use super::{ORIGIN_OFFSET, cosine_direction};
 use crate::cpu::lit::{ShadingPoint, textured_surface, yarn_sheen};
 use crate::cpu::sample::{SampleDimension, Sampler};
 use crate::cpu::{share, to_f32};
-use crate::fabric_maps::Side;
 use crate::light::SKY_REACH_RADII;
 use crate::paths::{YarnPaths, phase};
 use crate::ply::{self, YarnPoint};
@@ -33,6 +32,46 @@ use crate::sheen::Sheen;
 const FADE_RADII: f32 = 10.0;
 /// Largest share of a repeat over which fibres fade.
 const FADE_SHARE: f32 = 0.5;
+
+/// A side of the cloth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The technical face, seen from +z with x to the right.
+    Front,
+    /// The technical back, seen from -z with x to the left.
+    Back,
+}
+
+impl Side {
+    /// A direction in the map's axes: right, up, toward the viewer.
+    pub(crate) fn in_map_axes(self, direction: Vec3) -> Vec3 {
+        match self {
+            Self::Front => direction,
+            // The back is turned about the upright axis.
+            Self::Back => Vec3::new(-direction.x, direction.y, -direction.z),
+        }
+    }
+
+    /// Both sides.
+    pub const BOTH: [Self; 2] = [Self::Front, Self::Back];
+
+    /// Its name: `front` or `back`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Front => "front",
+            Self::Back => "back",
+        }
+    }
+
+    /// Height toward the viewer of a place at depth z.
+    pub(crate) fn height(self, z: f32) -> f32 {
+        match self {
+            Self::Front => z,
+            Self::Back => -z,
+        }
+    }
+}
 
 /// One repeat of cloth, with all that its rays can meet.
 pub(crate) struct EndlessCloth<'a> {

@@ -13,8 +13,8 @@ use glam::{DVec2, DVec3, Vec3, Vec4};
 use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
-use super::lit::{SkyLight, sun_reflection};
-use crate::fabric_maps::{FabricMaps, Side, SideMaps};
+use super::{FabricMaps, Side, SideMaps};
+use crate::cpu::lit::{SkyLight, sun_reflection};
 use crate::light::Rig;
 use crate::shade::Surface;
 use crate::sheen::Sheen;

@@ -12,8 +12,8 @@ use std::ops::RangeInclusive;
 
 use glam::{DVec2, DVec3, Quat, Vec3, Vec3A};
 
-use super::{TangentFrame, YarnPaths, pieces};
 use crate::octahedral::PackedUnit;
+use crate::paths::{TangentFrame, YarnPaths, pieces};
 use warpknit_core::number::narrow;
 use warpknit_core::yarn::curve;
 
@@ -30,30 +30,30 @@ struct PathPoint {
 /// One repeat of a yarn as a polyline. The point after the last one is the first one, moved by
 /// `period`.
 #[derive(Clone, Debug)]
-pub(crate) struct ClosedPath {
+pub(super) struct ClosedPath {
     points: Vec<PathPoint>,
     /// From a point to the same point in the next repeat, mm.
     period: DVec3,
     /// Arc length of one repeat, mm.
-    pub(crate) length: f64,
+    pub(super) length: f64,
 }
 
 /// Which copies of a closed path are drawn, and how.
-pub(crate) struct Copies {
+pub(super) struct Copies {
     /// The rectangle that they reach into: its lowest-left and its upper right corner, mm.
-    pub(crate) within: [DVec2; 2],
+    pub(super) within: [DVec2; 2],
     /// Width and height of the repeat, mm.
-    pub(crate) cell: DVec2,
+    pub(super) cell: DVec2,
     /// Radius of the yarn, mm.
-    pub(crate) radius: f32,
+    pub(super) radius: f32,
     /// Index of the look.
-    pub(crate) look: u16,
+    pub(super) look: u16,
 }
 
 impl ClosedPath {
     /// Subdivides one repeat of a yarn as pictures do whose pixels are `pixel` mm wide. `controls` are
     /// its control points, at least one.
-    pub(crate) fn new(controls: &[DVec3], period: DVec3, pixel: f64) -> Self {
+    pub(super) fn new(controls: &[DVec3], period: DVec3, pixel: f64) -> Self {
         let unrolled = unrolled(controls, period);
         let mut frame = TangentFrame::default();
         let (mut points, mut along) = (Vec::new(), 0.0);
@@ -88,7 +88,7 @@ impl ClosedPath {
     }
 
     /// Lowest and highest coordinates of the axis over one repeat.
-    pub(crate) fn bounds(&self) -> [DVec3; 2] {
+    pub(super) fn bounds(&self) -> [DVec3; 2] {
         let positions = self.points.iter().map(|point| point.position);
         let low = positions.clone().fold(DVec3::INFINITY, DVec3::min);
         [low, positions.fold(DVec3::NEG_INFINITY, DVec3::max)]
@@ -99,7 +99,7 @@ impl YarnPaths {
     /// Appends all copies of a yarn that reach into a rectangle. Copies that follow each other along
     /// the yarn are one strand. Arc lengths count from the strand's first repeat on, whole repeats
     /// included.
-    pub(crate) fn push_copies(&mut self, path: &ClosedPath, copies: &Copies) {
+    pub(super) fn push_copies(&mut self, path: &ClosedPath, copies: &Copies) {
         let [low, high] = path.bounds();
         let reach = DVec3::splat(f64::from(copies.radius));
         let (low, high) = (low - reach, high + reach);
