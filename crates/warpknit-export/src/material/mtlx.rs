@@ -84,24 +84,16 @@ fn graph(material: &FabricMaterial<'_>, side: Side) -> String {
 /// The surface, the displacement and the material of a side.
 fn surface(material: &FabricMaterial<'_>, side: Side) -> String {
     let (name, side_name) = (&material.name, side.name());
-    let kind_of = |role: Role| IMAGES.iter().find(|(own, _)| *own == role).map_or("", |own| own.1);
     let mut text =
         format!("  <open_pbr_surface name=\"surface_{side_name}\" type=\"surfaceshader\">\n");
-    let input = |input: &str, role: Role| {
-        format!(
-            "    <input name=\"{input}\" type=\"{}\" nodegraph=\"maps_{side_name}\" output=\"{}\" />\n",
-            kind_of(role),
-            role.name()
-        )
-    };
     let shines = Means::of(material.maps.side(side)).sheen > 0.0;
     for (role, name) in INPUTS.into_iter().filter(|(role, _)| shines || *role != Role::Sheen) {
-        text += &input(name, role);
+        text += &input(name, role, side);
     }
-    text += &input("geometry_normal", Role::Normal);
+    text += &input("geometry_normal", Role::Normal, side);
     // A height of 0 is the lowest surface, in metres as the texture coordinates.
     let depth = decimal(material.maps.depth / 1000.0);
-    let displacement = input("displacement", Role::Height);
+    let displacement = input("displacement", Role::Height, side);
     add(
         &mut text,
         format_args!(
@@ -119,6 +111,16 @@ fn surface(material: &FabricMaterial<'_>, side: Side) -> String {
         ),
     );
     text
+}
+
+/// An input that takes a picture of a side.
+fn input(name: &str, role: Role, side: Side) -> String {
+    let kind = IMAGES.iter().find(|(own, _)| *own == role).map_or("", |(_, kind)| *kind);
+    format!(
+        "    <input name=\"{name}\" type=\"{kind}\" nodegraph=\"maps_{}\" output=\"{}\" />\n",
+        side.name(),
+        role.name()
+    )
 }
 
 fn add(text: &mut String, more: std::fmt::Arguments<'_>) {

@@ -51,16 +51,6 @@ fn uuid(id: u128) -> String {
 /// One side's look.
 fn visual(material: &FabricMaterial<'_>, side: Side) -> Value {
     let means = Means::of(material.maps.side(side));
-    let mapped = |role: Role, mean: f64, factor: f64| {
-        json!({
-            "constant": decimal(mean),
-            "texture": {
-                "factor": decimal(factor),
-                "offset": 0,
-                "image": image(material, &role.path(side)),
-            },
-        })
-    };
     let [r, g, b] = means.base_color.map(decimal);
     let depth = material.maps.depth;
     json!({
@@ -78,11 +68,11 @@ fn visual(material: &FabricMaterial<'_>, side: Side) -> Value {
             "constant": { "x": 0, "y": 0, "z": 1 },
             "texture": { "scale": 1, "image": image(material, &Role::Normal.path(side)) },
         },
-        "alpha": mapped(Role::Alpha, means.alpha, 1.0),
-        "roughness": mapped(Role::Roughness, means.roughness, 1.0),
-        "metalness": mapped(Role::Metallic, means.metallic, 1.0),
-        "displacement": mapped(Role::Height, depth * means.height, depth),
-        "sheen_value": mapped(Role::Sheen, means.sheen, 1.0),
+        "alpha": mapped(material, (side, Role::Alpha), means.alpha, 1.0),
+        "roughness": mapped(material, (side, Role::Roughness), means.roughness, 1.0),
+        "metalness": mapped(material, (side, Role::Metallic), means.metallic, 1.0),
+        "displacement": mapped(material, (side, Role::Height), depth * means.height, depth),
+        "sheen_value": mapped(material, (side, Role::Sheen), means.sheen, 1.0),
         "sheen_tint": number(0.0),
         "specular_value": number(0.5),
         "specular_tint": number(0.0),
@@ -97,6 +87,18 @@ fn visual(material: &FabricMaterial<'_>, side: Side) -> Value {
         "subsurface_value": number(0.0),
         "transmission": number(0.0),
     })
+}
+
+/// A number with a side's picture, whose white stands for `factor`.
+fn mapped(
+    material: &FabricMaterial<'_>,
+    (side, role): (Side, Role),
+    mean: f64,
+    factor: f64,
+) -> Value {
+    let image = image(material, &role.path(side));
+    let texture = json!({ "factor": decimal(factor), "offset": 0, "image": image });
+    json!({ "constant": decimal(mean), "texture": texture })
 }
 
 /// A number without a picture.
