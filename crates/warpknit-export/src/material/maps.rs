@@ -91,20 +91,16 @@ impl Means {
     /// Those of a side.
     #[must_use]
     pub fn of(maps: &SideMaps) -> Self {
-        let color = |channel: usize| {
-            over_yarn(maps, |at| {
-                f64::from(tone::linear(narrow(share(maps.base_color.as_raw()[3 * at + channel]))))
-            })
-        };
-        let grey = |picture: &GrayImage| over_yarn(maps, |at| share(picture.as_raw()[at]));
         let alpha = maps.alpha.as_raw();
         Self {
-            base_color: [0, 1, 2].map(color),
+            base_color: [0, 1, 2].map(|channel| {
+                over_yarn(maps, |at| light(maps.base_color.as_raw()[3 * at + channel]))
+            }),
             alpha: alpha.iter().copied().map(share).sum::<f64>() / double(alpha.len()),
-            roughness: grey(&maps.roughness),
-            metallic: grey(&maps.metallic),
-            occlusion: grey(&maps.occlusion),
-            sheen: grey(&maps.sheen),
+            roughness: mean_over_yarn(maps, &maps.roughness),
+            metallic: mean_over_yarn(maps, &maps.metallic),
+            occlusion: mean_over_yarn(maps, &maps.occlusion),
+            sheen: mean_over_yarn(maps, &maps.sheen),
             height: over_yarn(maps, |at| f64::from(maps.height.as_raw()[at]) / 65_535.0),
         }
     }
@@ -119,6 +115,16 @@ fn over_yarn(maps: &SideMaps, value: impl Fn(usize) -> f64) -> f64 {
     if weight > 0.0 { sum / weight } else { 0.0 }
 }
 
+/// The same of a grey picture.
+fn mean_over_yarn(maps: &SideMaps, picture: &GrayImage) -> f64 {
+    over_yarn(maps, |at| share(picture.as_raw()[at]))
+}
+
+/// Linear light of an sRGB code.
+fn light(code: u8) -> f64 {
+    f64::from(tone::linear(narrow(share(code))))
+}
+
 fn share(byte: u8) -> f64 {
     f64::from(byte) / 255.0
 }
@@ -126,8 +132,6 @@ fn share(byte: u8) -> f64 {
 /// A side's map as PNG.
 pub(super) fn png(maps: &SideMaps, role: Role, dpi: [f64; 2]) -> Vec<u8> {
     let [width, height] = [maps.alpha.width(), maps.alpha.height()];
-    let grey =
-        |picture: &GrayImage| picture.as_raw().iter().flat_map(|&value| [value; 3]).collect();
     let data: Vec<u8> = match role {
         Role::BaseColor => maps.base_color.as_raw().clone(),
         Role::Normal => maps.normal.as_raw().clone(),
@@ -135,15 +139,20 @@ pub(super) fn png(maps: &SideMaps, role: Role, dpi: [f64; 2]) -> Vec<u8> {
             let heights = maps.height.as_raw().iter();
             heights.flat_map(|value| [value.to_be_bytes(); 3]).flatten().collect()
         }
-        Role::Alpha => grey(&maps.alpha),
-        Role::Roughness => grey(&maps.roughness),
-        Role::Metallic => grey(&maps.metallic),
-        Role::Occlusion => grey(&maps.occlusion),
-        Role::Sheen => grey(&maps.sheen),
+        Role::Alpha => grey_as_rgb(&maps.alpha),
+        Role::Roughness => grey_as_rgb(&maps.roughness),
+        Role::Metallic => grey_as_rgb(&maps.metallic),
+        Role::Occlusion => grey_as_rgb(&maps.occlusion),
+        Role::Sheen => grey_as_rgb(&maps.sheen),
     };
     let depth = if role == Role::Height { png::BitDepth::Sixteen } else { png::BitDepth::Eight };
     let picture = Picture { width, height, color: png::ColorType::Rgb, depth, data: &data };
     picture.encode(Some(dpi), role == Role::BaseColor)
+}
+
+/// A grey picture with three equal channels.
+fn grey_as_rgb(picture: &GrayImage) -> Vec<u8> {
+    picture.as_raw().iter().flat_map(|&value| [value; 3]).collect()
 }
 
 /// The base colour with its alpha, PNG.
