@@ -213,7 +213,8 @@ fn check_archive(path: &Path, folder: &Path) {
         let mut entry = archive.by_index(at).unwrap();
         let mut bytes = Vec::new();
         entry.read_to_end(&mut bytes).unwrap();
-        assert_eq!(bytes, std::fs::read(folder.join(entry.name())).unwrap(), "{}", entry.name());
+        let name = entry.name().unwrap().into_owned();
+        assert_eq!(bytes, std::fs::read(folder.join(&name)).unwrap(), "{name}");
     }
 }
 
