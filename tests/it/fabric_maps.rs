@@ -56,14 +56,8 @@ fn yarns(
     let middle = DVec3::new(left + facing * width / 2.0, start[1] + width / 2.0, 0.0);
     let fov = 2.0 * (width / 2.0 / AWAY).atan();
     let camera = Camera::look_at(middle + DVec3::Z * (facing * AWAY), middle, fov, 1.0);
-    let options = RenderOptions {
-        width: pixels,
-        height: pixels,
-        spp: 32,
-        background,
-        lod: false,
-        ..RenderOptions::default()
-    };
+    let (width, height) = (pixels, pixels);
+    let options = RenderOptions { width, height, spp: 16, background, ..RenderOptions::default() };
     render(&scene, &camera, &options, &|_| ()).unwrap()
 }
 
@@ -85,21 +79,28 @@ fn difference(a: RgbaImage, b: RgbaImage) -> f32 {
 
 #[test]
 fn from_afar_a_plane_with_the_maps_looks_like_the_yarns() {
-    for name in ["tricot", "locknit", "satin", "hex-net-5", "marquisette", "jersey", "power-net"] {
+    let mut unlike = Vec::new();
+    for name in
+        ["tricot", "locknit", "satin", "plush", "hex-net-5", "marquisette", "jersey", "power-net"]
+    {
         let mapped = mapped(name, 600.0);
         let fabric = &mapped.real.fabric;
-        let pixel = 1.3 * fabric.wale_spacing();
+        // So far away that a pixel holds several wales.
+        let pixel = 4.0 * fabric.wale_spacing();
         for side in Side::BOTH {
             let background = Background::default();
             let [one, other] = [
-                yarns(fabric, side, 48, pixel, background),
-                plane(&mapped, side, 48, pixel, background),
+                yarns(fabric, side, 32, pixel, background),
+                plane(&mapped, side, 32, pixel, background),
             ];
             let flip = difference(one, other);
             println!("{name} {side:?} {flip:.3}");
-            assert!(flip <= 0.1, "{name} {side:?}: {flip}");
+            if flip > 0.1 {
+                unlike.push(format!("{name} {side:?}: {flip:.3}"));
+            }
         }
     }
+    assert!(unlike.is_empty(), "{unlike:?}");
 }
 
 /// The share of two covers' differences in their own variance.

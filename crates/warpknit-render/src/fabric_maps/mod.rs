@@ -149,23 +149,23 @@ impl FabricMaps {
     ) -> Result<Self, FabricMapsError> {
         let (size, pixels) = (repeat_size(fabric), Self::pixels_at(fabric, dpi)?);
         let yarns = repeat_yarns(fabric, pattern);
-        Self::of_yarns(&yarns, size, pixels, bars, progress)
+        Self::of_yarns(&yarns, size, pixels, bars, (RAYS, progress))
     }
 
-    /// Draws a repeat of `size` mm of these yarns.
+    /// Draws a repeat of `size` mm of these yarns, by so many rays a pixel.
     fn of_yarns(
         yarns: &[RepeatYarn],
         size: DVec2,
         pixels: [u32; 2],
         bars: &Scene,
-        progress: &(dyn Fn(f64) + Sync),
+        (rays, progress): (u32, &(dyn Fn(f64) + Sync)),
     ) -> Result<Self, FabricMapsError> {
         let pixel = (size / DVec2::from(pixels.map(f64::from))).min_element();
         let RepeatScene { scene, paths, periods } = RepeatScene::new(yarns, size, bars, pixel)?;
         let cloth = EndlessCloth::new(&scene, paths, &periods, size, pixels);
         let depths = cloth.depths();
         let [front, back] = [(Side::Front, 0.0), (Side::Back, 0.5)].map(|(side, before)| {
-            let texels = texels(&cloth, side, pixels, &|done| progress(before + done / 2.0));
+            let texels = texels(&cloth, side, pixels, rays, &|done| progress(before + done / 2.0));
             SideMaps::from_texels(texels, pixels, side, depths)
         });
         Ok(Self { size, depth: f64::from(depths[1] - depths[0]), front, back })
@@ -222,6 +222,7 @@ fn texels(
     cloth: &EndlessCloth<'_>,
     side: Side,
     [width, height]: [u32; 2],
+    rays: u32,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Vec<Texel> {
     let rows = AtomicU32::new(0);
@@ -230,7 +231,7 @@ fn texels(
         .flat_map_iter(|y| {
             let done = rows.fetch_add(1, Ordering::Relaxed);
             progress(f64::from(done) / f64::from(height));
-            (0..width).map(move |x| cloth.texel([x, y], side, RAYS))
+            (0..width).map(move |x| cloth.texel([x, y], side, rays))
         })
         .collect()
 }

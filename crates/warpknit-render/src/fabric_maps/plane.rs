@@ -4,9 +4,9 @@
 //! renderer of surfaces would draw it: each texel reflects sun and sky by its own normal and
 //! material, and its occlusion dims both.
 //!
-//! The maps lie in a plane, so nothing casts a shadow. The share of the sky that a texel sees stands
-//! for that of the sun's light that reaches it. Renderers that dim only the sky show cloth up to
-//! 30 % lighter than its yarns are. Cost: linear in the texels, and in the pixels. Not promised: the
+//! The maps lie in a plane, so nothing casts a shadow. What reaches a texel of the sun follows from
+//! the share of the sky that it sees, to the power of [`SUN_EXPONENT`]. Renderers that dim only the
+//! sky show cloth up to 30 % lighter than its yarns are. Cost: linear in the texels, and in the pixels. Not promised: the
 //! picture of the yarns themselves, whose relief hides and shades.
 
 use glam::{DVec2, DVec3, Vec3, Vec4};
@@ -20,6 +20,11 @@ use crate::shade::Surface;
 use crate::sheen::Sheen;
 use crate::{Background, Camera, Light, tone};
 use warpknit_core::number::{double, narrow, whole_f64};
+
+/// Exponent of the sky's share that stands for the sun's. Our sun stands higher than the mean of the
+/// sky, so less of it is hidden. Fitted to the mean light of the yarns on both sides of eight fabrics:
+/// with 0.7 it is within 9 %. With 0 it is up to 32 % too much, with 1 up to 11 % too little.
+const SUN_EXPONENT: f32 = 0.7;
 
 /// A plane of endless cloth that faces the viewer.
 #[derive(Debug)]
@@ -119,6 +124,6 @@ fn lit_texel(maps: &SideMaps, at: usize, rig: &Rig) -> Vec4 {
     let sky = rig.sky(normal * (2.0 / 3.0));
     let light = sky * open + rig.interior * surface.albedo * (1.0 - open);
     let reflected = SkyLight { light, open }.reflected(rig, &surface, Vec3::Z)
-        + sun_reflection(rig, &surface, rig.toward_sun, Vec3::Z) * open;
+        + sun_reflection(rig, &surface, rig.toward_sun, Vec3::Z) * open.powf(SUN_EXPONENT);
     (reflected * share(&maps.alpha)).extend(share(&maps.alpha))
 }
