@@ -74,7 +74,6 @@ fn no_built_in_fabric_has_a_seam() {
             differing += differences(maps.side(side), elsewhere.side(side), [column + 1, moved[1]]);
         }
         let ratio = sums[0] / sums[1];
-        println!("{name:20} {ratio:.4} {:.4}", differing / sums[1]);
         assert!((ratio - 1.0).abs() < 0.05, "{name}: {ratio:.3}");
         // Only noise is left.
         assert!(differing < 0.05 * sums[1], "{name}: {differing} of {}", sums[1]);
