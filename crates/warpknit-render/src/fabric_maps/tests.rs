@@ -14,7 +14,7 @@ fn values(maps: &SideMaps, x: u32, y: u32) -> [f64; 10] {
     let cover = f64::from(maps.alpha.get_pixel(x, y).0[0]) / 255.0;
     let [r, g, b] = maps.base_color.get_pixel(x, y).0;
     let [nx, ny, nz] = maps.normal.get_pixel(x, y).0;
-    let height = f64::from(maps.height.get_pixel(x, y).0[0]) / 257.0;
+    let height = cover * f64::from(maps.height.get_pixel(x, y).0[0]) / 257.0;
     let [rough, open] = [&maps.roughness, &maps.occlusion].map(|map| map.get_pixel(x, y).0[0]);
     let [r, g, b, nx, ny, nz, rough, open] =
         [r, g, b, nx, ny, nz, rough, open].map(|byte| cover * f64::from(byte));
@@ -76,7 +76,7 @@ fn no_built_in_fabric_has_a_seam() {
         let ratio = sums[0] / sums[1];
         assert!((ratio - 1.0).abs() < 0.05, "{name}: {ratio:.3}");
         // Only noise is left. A seam that is a pixel off would differ by as much as pixels change.
-        assert!(differing < 0.1 * sums[1], "{name}: {differing} of {}", sums[1]);
+        assert!(differing < 0.05 * sums[1], "{name}: {differing} of {}", sums[1]);
     }
 }
 
