@@ -148,10 +148,21 @@ impl Chains {
 
 /// The chosen fabric at the chosen densities. Its warnings are printed.
 pub(super) fn fabric(shared: &Shared) -> Result<Fabric> {
-    let (fabric, misfit) = shared.chains.on(named_fabric(&shared.fabric)?, shared.densities())?;
-    let name = shared.chains.label(&shared.fabric, &fabric);
+    fabric_of(&shared.fabric, &shared.chains, shared.densities(), shared.running.quiet)
+}
+
+/// The fabric of that name with these chains, at these densities. Its warnings are printed unless
+/// `quiet`.
+pub(super) fn fabric_of(
+    asked: &str,
+    chains: &Chains,
+    densities: Densities,
+    quiet: bool,
+) -> Result<Fabric> {
+    let (fabric, misfit) = chains.on(named_fabric(asked)?, densities)?;
+    let name = chains.label(asked, &fabric);
     for warning in fabric.warnings().into_iter().chain(misfit) {
-        tell(shared.running.quiet, &format!("warning: {name}: {warning}"));
+        tell(quiet, &format!("warning: {name}: {warning}"));
     }
     Ok(fabric)
 }

@@ -18,6 +18,7 @@ mod shell;
 #[cfg(unix)]
 mod signals;
 mod terminal;
+mod tile;
 mod values;
 #[cfg(feature = "view")]
 mod view;
@@ -43,6 +44,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         Command::View(live) => view::view(live),
         Command::Inspect(inspect) => inspect::inspect(&inspect),
         Command::Fabrics(fabrics) => fabrics::fabrics(&fabrics),
+        Command::Tile(arguments) => tile::tile(&arguments),
         Command::Yarn(arguments) => yarn::yarn(&arguments),
         Command::Capture(arguments) => capture::capture(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),

@@ -12,6 +12,7 @@ use crate::garment::GarmentError;
 use crate::knit::run_in::RunInError;
 use crate::photo::yarn::PhotoError;
 use crate::render::GpuError;
+use crate::render::fabric_maps::FabricMapsError;
 
 /// An error that ends a run. Each message is one line and says what to do. Its flags are those of the
 /// command.
@@ -50,6 +51,14 @@ pub enum RunError {
         fabric: String,
         /// The reason.
         source: LayoutError,
+    },
+    /// A fabric whose repeat can't be drawn as maps.
+    #[error("{fabric}")]
+    Unmappable {
+        /// The fabric's name as the user gave it.
+        fabric: String,
+        /// The reason.
+        source: FabricMapsError,
     },
     /// An enlargement that no fabric can have.
     #[error("--enlarge {times}")]

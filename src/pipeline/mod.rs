@@ -16,6 +16,7 @@ mod densities;
 mod drawn;
 mod error;
 mod estimates;
+mod fabric_maps;
 mod fibres;
 mod job;
 mod limits;
@@ -39,6 +40,7 @@ mod writers;
 pub use clock::{Clock, Listener, Message, Task};
 pub use densities::{drawn_radius, turn_grains};
 pub use error::RunError;
+pub use fabric_maps::{MappedFabric, fabric_maps};
 pub use job::Source;
 pub use limits::MOST_STITCHES;
 pub use limits::{

@@ -27,7 +27,7 @@ def main():
     arguments = parser.parse_args()
     binary, million, validator = arguments.binary.resolve(), arguments.million, arguments.validator
     decoder = validator and (validator / "meshoptimizer").exists()
-    ready = {name: importlib.util.find_spec(name) is not None for name in ("pxr", "newton", "bpy")}
+    ready = {name: importlib.util.find_spec(name) is not None for name in ("pxr", "newton", "bpy", "MaterialX")}
     ccx = shutil.which("ccx")
     rows = [
         (".usdc", "usd-core", ready["pxr"], lambda folder: usdc(binary, folder, ["--wales", "60", "--courses", "60"])),
@@ -39,6 +39,10 @@ def main():
         (".glb compressed", "meshoptimizer", bool(decoder), lambda folder: meshopt(binary, folder, validator)),
         (".glb .ply .obj .usdc", "Blender", ready["bpy"], lambda folder: blender(binary, folder)),
         (".npz", "numpy", True, lambda folder: npz(binary, folder)),
+        ("tile: .u3m", "as its schema says", True, lambda folder: u3m(binary, folder)),
+        ("tile: .mtlx", "MaterialX", ready["MaterialX"], lambda folder: materialx(binary, folder)),
+        ("tile: .usda", "usd-core", ready["pxr"], lambda folder: usd_materials(binary, folder)),
+        ("tile: .glb", "gltf-validator", validator is not None, lambda folder: gltf_materials(binary, folder, validator)),
     ]
     skipped = 0
     for file, reader, is_ready, run in rows:
@@ -115,11 +119,16 @@ def bcc(binary, folder):
 def validated(binary, folder, validator):
     """Without an error."""
     subprocess.run([binary, "drape", TSHIRT, "--fabric", "locknit", "--wales-per-cm", "2", "--quiet", "-o", "a.glb"], cwd=folder, check=True)
+    return issues_of(folder / "a.glb", validator)
+
+
+def issues_of(path, validator):
+    """The errors and warnings of Khronos' validator."""
     script = (
         "const fs = require('fs'), v = require(process.argv[1] + '/gltf-validator');"
-        "v.validateBytes(new Uint8Array(fs.readFileSync('a.glb')), { maxIssues: 0 }).then((r) => console.log(JSON.stringify(r.issues)));"
+        "v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2])), { maxIssues: 0 }).then((r) => console.log(JSON.stringify(r.issues)));"
     )
-    run = subprocess.run(["node", "-e", script, validator.resolve()], cwd=folder, check=True, capture_output=True, text=True)
+    run = subprocess.run(["node", "-e", script, validator.resolve(), path], check=True, capture_output=True, text=True)
     issues = json.loads(run.stdout)
     assert issues["numErrors"] == 0, issues
     return f"{issues['numErrors']} errors, {issues['numWarnings']} warnings"
@@ -177,6 +186,130 @@ def npz(binary, folder):
     assert all(np.abs(a[name] - b[name].astype(a[name].dtype)).max() < 1e-5 for name in a.files)
     sizes = [(folder / name).stat().st_size for name in ("a.npz", "b.npz")]
     return f"{sizes[0]} bytes as it is, {sizes[1]} as compressed 32 bits"
+
+
+def tile(binary, folder):
+    """The maps of a net, whose material has all that a material can have."""
+    subprocess.run([binary, "tile", "--fabric", "hex-net-5", "--quiet", "-o", "maps"], cwd=folder, check=True, capture_output=True)
+    return folder / "maps"
+
+
+# Keys of U3M 1.1 whose value is a number, and the least and the most of its constant where the schema limits it.
+U3M_NUMBERS = {
+    **dict.fromkeys(["alpha", "anisotropy_rotation", "metalness", "transmission"], (0, 1)),
+    **dict.fromkeys(["anisotropy_value", "clearcoat_value", "clearcoat_roughness", "ior", "displacement", "roughness", "sheen_value"], None),
+    **dict.fromkeys(["sheen_tint", "specular_value", "specular_tint", "subsurface_radius", "subsurface_value"], None),
+}
+
+
+def u3m(binary, folder):
+    """Has the keys, types and sizes of the format's schema, which closes every object but two."""
+    import re
+
+    maps = tile(binary, folder)
+    document = json.loads((maps / "hex-net-5.u3m").read_text())
+    closed(document, "schema material custom")
+    material = document["material"]
+    closed(material, "id name description created modified front back side physics metadata")
+    assert document["schema"] == "1.1" and re.fullmatch(r"[0-9a-f]{8}-[0-9a-f]{4}-4[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}", material["id"])
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", material["created"])
+    pictures = [picture for side in ("front", "back") for picture in u3m_visual(material[side])]
+    for picture in pictures:
+        width, height = png_size(maps / picture["path"])
+        assert abs(picture["dpi"]["x"] - width / (picture["width"] / 25.4)) < 1e-9
+        assert abs(picture["dpi"]["y"] - height / (picture["height"] / 25.4)) < 1e-9
+    physics = material["physics"]
+    closed(physics, "thickness weight composition devices material_type construction")
+    assert physics["devices"] == {"fab": "null"} and physics["material_type"] == {"type": "Knit", "name": None}
+    assert physics["construction"]["type"] == "other" and physics["construction"]["name"]
+    return f"{len(pictures)} pictures, {physics['weight']:.1f} g/m2, {physics['thickness']:.3f} mm"
+
+
+def u3m_visual(visual):
+    """The pictures of a side, all but its preview."""
+    closed(visual, " ".join(["shader preview basecolor subsurface_color normal clearcoat_normal", *U3M_NUMBERS]))
+    closed(visual["preview"], "path width height dpi")
+    assert visual["shader"] == "principled"
+    parts = {"basecolor": "mode factor image", "subsurface_color": "mode factor image", "normal": "scale image", "clearcoat_normal": "scale image"}
+    pictures = []
+    for key in [*parts, *U3M_NUMBERS]:
+        value = visual[key]
+        closed(value, "constant texture")
+        if key in U3M_NUMBERS:
+            low, high = U3M_NUMBERS[key] or (-np.inf, np.inf)
+            assert low <= value["constant"] <= high, (key, value["constant"])
+        if value["texture"] is not None:
+            closed(value["texture"], parts.get(key, "factor offset image"))
+            image = value["texture"]["image"]
+            closed(image, "path width height dpi repeat")
+            assert image["repeat"] == {"mode": "normal", "rotation": 0}
+            pictures.append(image)
+    return pictures
+
+
+def closed(found, keys):
+    assert set(found) == set(keys.split()), sorted(set(found) ^ set(keys.split()))
+
+
+def png_size(path):
+    data = path.read_bytes()
+    # Red, green and blue: readers of U3M need not take grey pictures.
+    assert data[:4] == b"\x89PNG" and data[25] == 2, path
+    return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+
+
+def materialx(binary, folder):
+    """Is valid against the standard library, and becomes a shader."""
+    import MaterialX
+    import MaterialX.PyMaterialXGenGlsl as glsl
+    import MaterialX.PyMaterialXGenShader as shader
+
+    maps = tile(binary, folder)
+    paths, library = MaterialX.getDefaultDataSearchPath(), MaterialX.createDocument()
+    MaterialX.loadLibraries(MaterialX.getDefaultDataLibraryFolders(), paths, library)
+    document = MaterialX.createDocument()
+    MaterialX.readFromXmlFile(document, str(maps / "hex-net-5.mtlx"))
+    document.setDataLibrary(library)
+    is_valid, why = document.validate()
+    assert is_valid, why
+    generator = glsl.GlslShaderGenerator.create()
+    context = shader.GenContext(generator)
+    context.registerSourceCodeSearchPath(paths)
+    colors = shader.DefaultColorManagementSystem.create(generator.getTarget())
+    colors.loadLibrary(library)
+    generator.setColorManagementSystem(colors)
+    surfaces = shader.findRenderableElements(document)
+    lengths = [len(generator.generate("fabric", surface, context).getSourceCode("pixel")) for surface in surfaces]
+    for name in document.getNodeGraphs()[0].getNodes("tiledimage"):
+        assert (maps / name.getInputValue("file")).is_file()
+    return f"{MaterialX.getVersionString()}: valid, {len(surfaces)} materials as GLSL of {lengths} bytes"
+
+
+def usd_materials(binary, folder):
+    """Has a material on each side, whose pictures are there, and passes all validators."""
+    from pxr import Usd, UsdShade, UsdValidation
+
+    maps = tile(binary, folder)
+    stage = Usd.Stage.Open(str(maps / "hex-net-5.usda"))
+    meshes = [prim for prim in stage.Traverse() if prim.GetTypeName() == "Mesh"]
+    pictures = 0
+    for mesh in meshes:
+        material, _ = UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()
+        surface, _, _ = material.ComputeSurfaceSource()
+        for given in surface.GetInputs():
+            source = given.GetConnectedSources()[0][0].source
+            path = UsdShade.Shader(source.GetPrim()).GetInput("file").Get()
+            assert (maps / path.path).is_file(), path
+            pictures += 1
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert not errors, [error.GetMessage() for error in errors]
+    return f"{len(meshes)} meshes with materials of {pictures} pictures, {len(validators)} validators, no error"
+
+
+def gltf_materials(binary, folder, validator):
+    """Without an error."""
+    return issues_of(tile(binary, folder) / "hex-net-5.glb", validator)
 
 
 if __name__ == "__main__":

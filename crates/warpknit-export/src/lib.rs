@@ -40,6 +40,7 @@ mod html_lines;
 mod info;
 pub mod inp;
 mod lines;
+pub mod material;
 mod meshopt;
 pub mod mtl;
 pub mod npz;

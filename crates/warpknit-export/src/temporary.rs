@@ -159,15 +159,22 @@ impl TemporaryFolder {
     pub(super) fn publish(self, target: &Path) -> io::Result<()> {
         let Self { _registration, _lock, folder } = self;
         let _guard = register();
-        if !target.exists() {
-            return fs::rename(folder.path(), target);
-        }
-        for entry in fs::read_dir(folder.path())? {
-            let entry = entry?;
-            fs::rename(entry.path(), target.join(entry.file_name()))?;
-        }
-        Ok(())
+        move_into(folder.path(), target)
     }
+}
+
+/// Renames a folder, or moves its files into the folder that has the name already, whole folders in
+/// it likewise.
+fn move_into(folder: &Path, target: &Path) -> io::Result<()> {
+    if !target.is_dir() {
+        return fs::rename(folder, target);
+    }
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let (from, to) = (entry.path(), target.join(entry.file_name()));
+        if from.is_dir() { move_into(&from, &to)? } else { fs::rename(from, to)? }
+    }
+    Ok(())
 }
 
 /// A nameless file, which is gone when it is closed: beside `target`, or else in the system's

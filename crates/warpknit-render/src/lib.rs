@@ -7,7 +7,8 @@
 //! (procedural plies and fibres), [`maps`] (textures of yarns), `paths` (curves as polylines) and
 //! [`tone`] (from light to pixels). [`cpu`] traces rays, or splats distant yarns; only it knows
 //! bounding volume hierarchies. [`gpu`] rasterises triangles; only it names wgpu. [`painter`]
-//! chooses between the two.
+//! chooses between the two. [`fabric_maps`] draws one repeat of a fabric without light, for renderers
+//! of surfaces.
 //!
 //! ```
 //! use warpknit_render::{Camera, RenderOptions, View, render};
@@ -27,6 +28,7 @@ pub mod camera;
 pub mod cloth;
 pub mod cpu;
 mod error;
+pub mod fabric_maps;
 pub mod fibres;
 #[cfg(feature = "gpu")]
 pub mod gpu;

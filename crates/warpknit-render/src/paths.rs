@@ -391,7 +391,7 @@ impl PathBuilder<'_> {
 
 /// Number of pieces that keep the chord error of `span` below [`CHORD_ERROR`], given the size of a
 /// pixel at a point.
-fn pieces(span: &Span, pixel: impl Fn(DVec3) -> f64) -> u32 {
+pub(super) fn pieces(span: &Span, pixel: impl Fn(DVec3) -> f64) -> u32 {
     let (start, middle, end) = (span.tangent(0.0), span.tangent(0.5), span.tangent(1.0));
     // The second derivative of a cubic is linear in t, so its norm is largest at an end. A chord of
     // 1/n of the parameter leaves the curve by at most |p''| / (8 n^2), the error bound of linear
@@ -410,16 +410,16 @@ pub(super) fn phase(strand: u32) -> f64 {
 
 /// A rotation-minimising frame that moves along a yarn.
 #[derive(Default)]
-struct TangentFrame {
+pub(super) struct TangentFrame {
     position: DVec3,
-    tangent: Vec3A,
-    across: Vec3A,
+    pub(super) tangent: Vec3A,
+    pub(super) across: Vec3A,
 }
 
 impl TangentFrame {
     /// Moves the frame to `position`, where the curve has this derivative. Returns the distance
     /// moved, 0 for the first point.
-    fn advance(&mut self, position: DVec3, derivative: DVec3) -> f64 {
+    pub(super) fn advance(&mut self, position: DVec3, derivative: DVec3) -> f64 {
         let first = self.tangent == Vec3A::ZERO;
         let tangent =
             derivative.as_vec3a().normalize_or(if first { Vec3A::X } else { self.tangent });

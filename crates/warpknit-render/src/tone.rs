@@ -101,8 +101,9 @@ fn shoulder(light: Vec3) -> Vec3 {
     }))
 }
 
-/// sRGB decoding (IEC 61966-2-1).
-pub(super) fn linear(c: f32) -> f32 {
+/// sRGB decoding (IEC 61966-2-1): the linear light of a code from 0 to 1.
+#[must_use]
+pub fn linear(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 

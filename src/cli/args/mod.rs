@@ -4,6 +4,7 @@
 
 mod bench;
 mod photos;
+mod tile;
 
 use std::path::{Path, PathBuf};
 
@@ -21,6 +22,7 @@ use warpknit::yarn::fibres::FIBRE_RADIUS;
 use bench::figures;
 pub(crate) use bench::{BenchFormat, Subject};
 pub(crate) use photos::{Capture, CaptureAs, Yarn};
+pub(crate) use tile::Maps;
 
 use super::config::{self, Trouble};
 #[cfg(feature = "view")]
@@ -72,6 +74,7 @@ impl Arguments {
             #[cfg(feature = "view")]
             Command::View(view) => Some(&view.shared.chains),
             Command::Fabrics(fabrics) => Some(&fabrics.chains),
+            Command::Tile(maps) => Some(&maps.chains),
             Command::Yarn(_)
             | Command::Capture(_)
             | Command::Bench(_)
@@ -146,6 +149,24 @@ Examples:
   warpknit fabrics locknit --count '78 dtex' > thick.toml
   warpknit fabrics --lapping 3-4/1-0// --lapping 1-0/1-2// > satin.toml")]
     Fabrics(Fabrics),
+    /// Turn one repeat of a fabric into maps that tile, for fashion and rendering tools
+    #[command(after_help = "Files in the folder, NAME being the fabric's:
+  textures/     front_ and back_ base_color, normal, height, alpha, roughness, metallic,
+                occlusion and sheen, as PNG of the true size
+  NAME.u3m      Unified 3D Material, for Browzwear and other fashion tools
+  NAME.u3ma     the same in one file
+  NAME.mtlx     MaterialX with OpenPBR surfaces
+  NAME.glb      glTF: a plane with a material on each side
+  NAME.usda     USD preview materials on such a plane
+  preview.png   face and back in the light of warpknit's pictures
+  report.json   sizes in mm and pixels, g/m², thickness, cover
+
+Examples:
+  warpknit tile --fabric locknit -o locknit
+  warpknit tile --fabric hex-net-5 --dpi 1200 -o net
+  warpknit tile --lapping 3-4/1-0// --lapping 1-0/1-2// -o satin
+  warpknit tile --fabric linen/fabric.toml -o linen-maps")]
+    Tile(Maps),
     /// Turn a photo of a straight yarn on a plain ground into maps that tile
     #[command(
         after_help = "The folder is for --texture: base_color.png, height.png, normal.png, roughness.png, metallic.png, ao.png and yarn.toml.

@@ -35,7 +35,7 @@ pub(super) fn opaque_sample(light: Vec3) -> Vec4 {
 }
 
 /// The sun's light that the surface reflects toward the eye, for a sun in direction `toward_sun`.
-pub(super) fn sun_reflection(
+pub(crate) fn sun_reflection(
     rig: &Rig,
     surface: &Surface,
     toward_sun: Vec3,
@@ -46,17 +46,17 @@ pub(super) fn sun_reflection(
 
 /// Light from the sky, and from yarns that hide part of it, at one point.
 #[derive(Clone, Copy)]
-pub(super) struct SkyLight {
+pub(crate) struct SkyLight {
     /// Cosine-weighted mean radiance over the hemisphere.
-    pub(super) light: Vec3,
+    pub(crate) light: Vec3,
     /// Visibility of the sky: the fraction of the hemisphere that no yarn occludes.
-    pub(super) open: f32,
+    pub(crate) open: f32,
 }
 
 impl SkyLight {
     /// Reflection of the sky: a diffuse part, and a mirror part that is scaled by the sky's
     /// visibility.
-    pub(super) fn reflected(&self, rig: &Rig, surface: &Surface, toward_eye: Vec3) -> Vec3 {
+    pub(crate) fn reflected(&self, rig: &Rig, surface: &Surface, toward_eye: Vec3) -> Vec3 {
         let normal = surface.normal;
         // Split into a diffuse and a specular integral. The specular one is approximated by the
         // radiance in the mirror direction times the mean Fresnel term, instead of by more rays.

@@ -11,7 +11,7 @@
 //! or with the rest.
 
 mod film;
-mod lit;
+pub(crate) mod lit;
 mod raytrace;
 mod sample;
 mod splat;
@@ -26,6 +26,7 @@ use crate::scene::Scene;
 use crate::{Camera, RenderOptions, tone};
 use film::Splats;
 use raytrace::RayTracer;
+pub(crate) use raytrace::endless;
 pub use raytrace::rays::YarnRays;
 use splat::Splatter;
 use warpknit_core::ids::index32;

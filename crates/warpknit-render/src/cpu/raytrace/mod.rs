@@ -10,6 +10,7 @@
 
 mod build;
 mod capsule;
+pub(crate) mod endless;
 mod lanes;
 mod ray;
 pub(super) mod rays;
@@ -170,7 +171,7 @@ impl<'a> RayTracer<'a> {
     fn surface_hit(&self, ray: &SceneRay, hit: Hit) -> SurfaceHit {
         let scene = self.bvh.segments.scene;
         let point = match scene.shape {
-            Shape::Tube => self.point_on_tube(ray, hit),
+            Shape::Tube => self.bvh.segments.point_on_tube(ray, hit),
             Shape::Ribbon => self.point_on_ribbon(ray, hit),
         };
         let toward_eye = -ray.direction;
@@ -201,27 +202,6 @@ impl<'a> RayTracer<'a> {
             footprint,
             random_bits: ray.random_bits,
             thin: self.eye.options.lod && is_thin(footprint, look.radius),
-        }
-    }
-
-    /// The shading point of a hit on a tube.
-    fn point_on_tube(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
-        let entry = ray.at(hit.distance);
-        let axis = self.bvh.segments.axis_point(hit.start, entry);
-        let outward = entry - axis.position;
-        // Remove the tangential component of the capsule's normal. The result follows the smooth
-        // curve and is continuous where two capsules join.
-        let normal =
-            (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-ray.direction);
-        ShadingPoint {
-            // Project the hit onto the tube's exact radius. The distance along the ray has the
-            // rounding of `f32`.
-            position: axis.position + outward.normalize_or(normal) * axis.radius,
-            normal,
-            tangent: axis.tangent,
-            top: normal.cross(axis.tangent),
-            around: normal.dot(axis.tangent.cross(axis.across)).atan2(normal.dot(axis.across)),
-            along: axis.along,
         }
     }
 

@@ -10,8 +10,9 @@ use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
 use super::build::Box3;
-use super::ray::SceneRay;
+use super::ray::{Hit, SceneRay};
 use super::strip::{Crossing, RibbonStrip};
+use crate::cpu::lit::ShadingPoint;
 use crate::cpu::sample::unit;
 use crate::paths::{Subdivision, YarnPaths};
 use crate::ply::hash;
@@ -79,6 +80,11 @@ impl<'a> Segments<'a> {
                 .collect();
             parts.iter().for_each(|part| paths.append(part));
         }
+        Self::from_paths(scene, paths)
+    }
+
+    /// The segments of yarns that are subdivided already.
+    pub(super) fn from_paths(scene: &'a Scene, paths: YarnPaths) -> Self {
         let around = paths
             .points
             .par_iter()
@@ -152,6 +158,27 @@ impl<'a> Segments<'a> {
             (self.paths.tangents[point].unpack(), self.paths.across[point].unpack());
         let aside = Vec3A::from(tangent.cross(normal).normalize_or_zero() * radius);
         [axis - aside, axis + aside]
+    }
+
+    /// The shading point of a hit on a tube.
+    pub(super) fn point_on_tube(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
+        let entry = ray.at(hit.distance);
+        let axis = self.axis_point(hit.start, entry);
+        let outward = entry - axis.position;
+        // Remove the tangential component of the capsule's normal. The result follows the smooth
+        // curve and is continuous where two capsules join.
+        let normal =
+            (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-ray.direction);
+        ShadingPoint {
+            // Project the hit onto the tube's exact radius. The distance along the ray has the
+            // rounding of `f32`.
+            position: axis.position + outward.normalize_or(normal) * axis.radius,
+            normal,
+            tangent: axis.tangent,
+            top: normal.cross(axis.tangent),
+            around: normal.dot(axis.tangent.cross(axis.across)).atan2(normal.dot(axis.across)),
+            along: axis.along,
+        }
     }
 
     /// Look of the segment that starts at point `start`.
