@@ -55,6 +55,20 @@ locate() {
     done
 }
 
+# The locate stage of a drape: it also follows yarns from point to point and cuts them at edges. Embree searches the same points.
+drape() {
+    [ -x "$peers/embree_locate" ] || { left_out Embree embree_locate; return; }
+    heading "drape, locate stage, ms" "Embree x16"
+    export WARPKNIT_DRAPE_INPUTS=$scratch/drape
+    mkdir "$WARPKNIT_DRAPE_INPUTS"
+    for size in 26180 262k 1m; do
+        own=$(bench "drape, locate stage/$size")
+        other=$("$peers/embree_locate" "$WARPKNIT_DRAPE_INPUTS" skirt "skirt_$size" | field total_ms)
+        row "$size stitches" "$own" "$other"
+    done
+    unset WARPKNIT_DRAPE_INPUTS
+}
+
 # No peer: what mapping adds to location, for each point.
 map() {
     printf '\n%-34s %10s\n' "map after locate, ns a point" warpknit
@@ -155,6 +169,7 @@ if [ -n "$inputs" ]; then
     map
     tubes
 fi
+drape
 weft
 write
 threads

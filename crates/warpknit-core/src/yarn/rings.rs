@@ -11,8 +11,8 @@
 //! A round section takes that frame. A flattened one lies in the fabric's plane; where the yarn runs
 //! along the fabric's normal that plane gives no direction, and the frame is carried on.
 //!
-//! Cost: 15 ns a ring, where one ring after the other takes 60. Not promised: the bits of
-//! [`double_reflection`]; both agree to rounding.
+//! Cost: a tube of five edges takes 21 ns a vertex this way, and 26 with one ring after the other.
+//! Not promised: the bits of [`double_reflection`]; both agree to rounding.
 //!
 //! [`double_reflection`]: super::frame::double_reflection
 
