@@ -155,7 +155,7 @@ mod tests {
         for file in &files {
             let mut entry = opened.by_name(&file.name).unwrap();
             assert_eq!(entry.compression(), zip::CompressionMethod::Stored);
-            assert_eq!(entry.last_modified().unwrap().to_string(), "2026-11-18 08:26:40");
+            assert_eq!(entry.last_modified().unwrap().to_string(), "2026-11-18 11:06:40");
             assert_eq!(entry.extra_data().unwrap_or_default(), [0; 0]);
             let mut content = Vec::new();
             entry.read_to_end(&mut content).unwrap();

@@ -5,10 +5,6 @@ use crate::cloth;
 use warpknit_core::fabric::builtin;
 use warpknit_core::knit::numbers;
 
-/// Rays of a pixel. With those of pictures, the noise at the rims of yarns is 10 % of a single row's
-/// gradient.
-const TEST_RAYS: u32 = 8 * RAYS;
-
 /// Values of a pixel as numbers, those of yarn times its cover. Occlusion comes last.
 fn values(maps: &SideMaps, x: u32, y: u32) -> [f64; 10] {
     let cover = f64::from(maps.alpha.get_pixel(x, y).0[0]) / 255.0;
@@ -40,17 +36,22 @@ fn energies(maps: &SideMaps, [column, row]: [u32; 2]) -> [f64; 2] {
     ]
 }
 
-/// The maps of a fabric, 20 pixels along their shorter side, begun `moved` pixels to the right and up.
+/// The maps of a fabric, begun `moved` pixels to the right and up. They have 20 pixels along their
+/// shorter side at least, and six a stitch.
 fn begun_at(fabric: &Fabric, moved: [u32; 2]) -> FabricMaps {
     let size = repeat_size(fabric);
-    let pixels = FabricMaps::pixels_at(fabric, 20.0 * INCH / size.min_element()).unwrap();
+    let stitch = fabric.wale_spacing().min(fabric.course_spacing());
+    let per_mm = (20.0 / size.min_element()).max(6.0 / stitch);
+    let pixels = FabricMaps::pixels_at(fabric, per_mm * INCH).unwrap();
+    // With the rays of a map, the noise at the rims of yarns is 10 % of a short row's gradient.
+    let rays = if pixels[0] * pixels[1] < 10_000 { 8 * RAYS } else { RAYS };
     let bars = Scene { looks: cloth::looks(fabric, fabric.radius()), ..Scene::default() };
     let mut yarns = repeat_yarns(fabric, &Pattern::new(fabric));
     let way = DVec2::from(moved.map(f64::from)) * size / DVec2::from(pixels.map(f64::from));
     for point in yarns.iter_mut().flat_map(|yarn| &mut yarn.points) {
         *point -= way.extend(0.0);
     }
-    FabricMaps::of_yarns(&yarns, size, pixels, &bars, (TEST_RAYS, &|_| ())).unwrap()
+    FabricMaps::of_yarns(&yarns, size, pixels, &bars, (rays, &|_| ())).unwrap()
 }
 
 /// At the seam the maps change as much as at the same place of cloth that begins elsewhere, where
@@ -75,8 +76,8 @@ fn no_built_in_fabric_has_a_seam() {
         }
         let ratio = sums[0] / sums[1];
         assert!((ratio - 1.0).abs() < 0.05, "{name}: {ratio:.3}");
-        // Only noise is left. A seam that is a pixel off would differ by as much as pixels change.
-        assert!(differing < 0.05 * sums[1], "{name}: {differing} of {}", sums[1]);
+        // Only noise is left. At a seam that is a pixel off they would differ as pixels do.
+        assert!(differing < 0.3 * sums[1], "{name}: {differing} of {}", sums[1]);
     }
 }
 

@@ -122,7 +122,8 @@ impl<'a> EndlessCloth<'a> {
         })
     }
 
-    /// What `rays` rays through pixel (x, y) of a side's map meet. Row 0 is the upper one.
+    /// What `rays` rays, a power of two, through pixel (x, y) of a side's map meet. Row 0 is the upper
+    /// one.
     pub(crate) fn texel(&self, [x, y]: [u32; 2], side: Side, rays: u32) -> Texel {
         let sampler = Sampler::new(x, y, side as u32);
         let mut waiting = Waiting::new();
@@ -134,8 +135,10 @@ impl<'a> EndlessCloth<'a> {
             let look = self.bvh.segments.look(hit.start);
             let point = self.bvh.segments.point_on_tube(&ray, hit);
             let (surface, relief) = self.surface(look, &point, -ray.direction);
-            let toward =
-                cosine_direction(surface.normal, sampler.pair(SampleDimension::Sky, index, rays));
+            let toward = cosine_direction(
+                surface.normal,
+                sampler.pair(SampleDimension::Sky, scattered(index, rays), rays),
+            );
             let is_open = point.normal.dot(toward) > 0.0 && {
                 let sky = self.sky_ray(&point, toward, look);
                 self.bvh.occluder(&sky, hit.start, &mut waiting).is_none()
@@ -255,6 +258,13 @@ impl<'a> EndlessCloth<'a> {
     fn look(&self, look: u16) -> &YarnLook {
         &self.bvh.segments.scene.looks[usize::from(look)]
     }
+}
+
+/// The index of the sky direction that goes with place `index` of `count`, a power of two: its bits in
+/// reverse. Places and directions come from one sequence. With one index, a place would always look
+/// the same way, and more rays would not make occlusion any better.
+fn scattered(index: u32, count: u32) -> u32 {
+    index.reverse_bits().checked_shr(count.leading_zeros() + 1).unwrap_or(0)
 }
 
 impl Texel {
