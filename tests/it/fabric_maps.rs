@@ -108,7 +108,6 @@ fn from_afar_a_plane_with_the_maps_looks_like_the_yarns() {
             let near = yarns(fabric, side, FAR * NEARER, pixel / f64::from(NEARER), background);
             let flat = plane(&mapped, side, FAR, pixel, background);
             let flip = difference(averaged(&near), flat);
-            println!("{name} {side:?} {flip:.3}");
             if flip > 0.1 {
                 unlike.push(format!("{name} {side:?}: {flip:.3}"));
             }

@@ -83,7 +83,8 @@ fn graph(material: &FabricMaterial<'_>, side: Side) -> String {
 
 /// The surface, the displacement and the material of a side.
 fn surface(material: &FabricMaterial<'_>, side: Side) -> String {
-    let (name, side_name) = (&material.name, side.name());
+    // Names are letters, digits and `_`, and begin with no digit, as that of a chain does.
+    let (name, side_name) = (material.name.replace('-', "_"), side.name());
     let mut text =
         format!("  <open_pbr_surface name=\"surface_{side_name}\" type=\"surfaceshader\">\n");
     let shines = Means::of(material.maps.side(side)).sheen > 0.0;
@@ -104,7 +105,7 @@ fn surface(material: &FabricMaterial<'_>, side: Side) -> String {
              {displacement}\
              \x20   <input name=\"scale\" type=\"float\" value=\"{depth}\" />\n\
              \x20 </displacement>\n\
-             \x20 <surfacematerial name=\"{name}_{side_name}\" type=\"material\">\n\
+             \x20 <surfacematerial name=\"fabric_{name}_{side_name}\" type=\"material\">\n\
              \x20   <input name=\"surfaceshader\" type=\"surfaceshader\" nodename=\"surface_{side_name}\" />\n\
              \x20   <input name=\"displacementshader\" type=\"displacementshader\" nodename=\"displacement_{side_name}\" />\n\
              \x20 </surfacematerial>\n"
