@@ -23,7 +23,6 @@ mod usd;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use warpknit_core::number::whole_f64;
 use warpknit_render::fabric_maps::{FabricMaps, Side};
 
 pub use maps::{Means, Role};
@@ -152,10 +151,4 @@ pub fn file_name(text: &str) -> String {
     // File systems take 255 bytes, endings included.
     let name: String = words.join("_").chars().take(100).collect();
     if name.is_empty() { "fabric".to_owned() } else { name }
-}
-
-/// The largest number of repeats of a size that lie in `most` mm, at least 1.
-#[must_use]
-pub fn repeats_in(most: f64, size: f64) -> u32 {
-    u32::try_from(whole_f64(most / size)).unwrap_or(u32::MAX).max(1)
 }
