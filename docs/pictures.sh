@@ -29,7 +29,7 @@ done
 # A sock's heel and instep.
 for mapping in smooth relaxed; do
     [ -n "${WARPKNIT_GARMENTS:-}" ] || break
-    knit drape "$WARPKNIT_GARMENTS/madypg_sock/cloth.obj" --fabric jersey --wales-per-cm 3 --mapping "$mapping" --eye=-100,-90,300 --look-at=-105,-92,20 --fov 9 --size 560x460 --spp 16 --loupe off -o "docs/heel_$mapping.png"
+    knit drape "$WARPKNIT_GARMENTS/madypg_sock/cloth.obj" --fabric jersey --wales-per-cm 3 --mapping "$mapping" --eye=-100,-90,300 --look-at=-105,-92,20 --fov 8 --size 420x345 --spp 16 --loupe off -o "docs/heel_$mapping.png"
 done
 knit bench --only yarn-length -o docs/yarn_length.svg
 knit bench --only reading -o docs/reading.svg
