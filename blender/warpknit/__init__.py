@@ -18,7 +18,7 @@ from . import knit
 FABRICS = [(name, name, warpknit.Fabric.named(name).about) for name in warpknit.Fabric.names()]
 MAPPINGS = [
     ("relaxed", "Relaxed", "Yarn keeps its length: loops change as the cloth is strained"),
-    ("smooth", "Smooth", "Loops are stretched with the cloth. Some fifty times faster, for many frames"),
+    ("smooth", "Smooth", "Loops are stretched with the cloth. Faster, for many frames"),
 ]
 
 
