@@ -13,9 +13,7 @@ use image::RgbImage;
 use warpknit::export::OutputFolder;
 use warpknit::folder::captured::{FILES, save};
 use warpknit::folder::recognised;
-use warpknit::photo::capture::{
-    CaptureSettings, Captured, GivenLayout, Hypothesis, capture as captured,
-};
+use warpknit::photo::capture::{CaptureSettings, Captured, GivenLayout, Hypothesis, MeanRepeat};
 use warpknit::photo::recognise::{
     Face, Kinds, MOST_UNEXPLAINED, RecogniseSettings, Recognition, recognise,
 };
@@ -59,18 +57,22 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
         cell,
         layout,
     };
-    let laid = captured(&photo, &settings);
-    // A weave that leaves less unexplained is the answer. Free strands explain any cloth, so they
-    // come last.
-    if let Some(knit) = knit.as_ref().filter(|knit| knit.unexplained() <= MOST_UNEXPLAINED) {
-        let is_better = laid.as_ref().map_or(true, |laid| {
-            laid.layout.hypothesis != Hypothesis::Woven || knit.unexplained() < laid.layout.error
-        });
-        if is_better {
+    let mean = MeanRepeat::new(&photo, &settings);
+    // A weave that leaves less unexplained than a knit is the answer. Free strands explain any
+    // cloth, so they come last, and where only they compete with a knit they are not looked for.
+    let knit = knit.as_ref().filter(|knit| knit.unexplained() <= MOST_UNEXPLAINED);
+    if let Some(knit) = knit {
+        let weave = mean.as_ref().ok().and_then(MeanRepeat::unexplained_by_weave);
+        if weave.is_none_or(|weave| knit.unexplained() < weave) {
             return save_knit(arguments, knit, folder, &terminal);
         }
     }
-    let found = laid.with_context(|| about.display().to_string())?;
+    let found = mean.and_then(MeanRepeat::captured);
+    let is_weave = found.as_ref().is_ok_and(|found| found.layout.hypothesis == Hypothesis::Woven);
+    if let Some(knit) = knit.filter(|_| !is_weave) {
+        return save_knit(arguments, knit, folder, &terminal);
+    }
+    let found = found.with_context(|| about.display().to_string())?;
     if found.layout.error > MOST_UNEXPLAINED && !is_given && !arguments.anyway {
         bail!(
             "{}: the strands that were found leave {} of the cell unexplained (at most {} may): the \

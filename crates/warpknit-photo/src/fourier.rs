@@ -49,14 +49,20 @@ impl Fourier {
             one.iter().zip(other).map(|(one, other)| Complex32::new(*one, *other)).collect();
         self.transform(&mut grid, &self.forward);
         // Of a real plane, opposite frequencies are conjugate.
-        let opposite = |at: usize| {
-            let [x, y] = [at % self.width, at / self.width];
-            grid[(self.height - y) % self.height * self.width + (self.width - x) % self.width]
-        };
-        let pairs = grid.iter().enumerate().map(|(at, value)| (*value, opposite(at).conj()));
         let half = Complex32::new(0.5, 0.0);
         let minus_half_i = Complex32::new(0.0, -0.5);
-        let (one, other) = pairs.map(|(a, b)| ((a + b) * half, (a - b) * minus_half_i)).unzip();
+        let (mut one, mut other) = (Vec::with_capacity(self.len()), Vec::with_capacity(self.len()));
+        for (y, row) in grid.chunks_exact(self.width).enumerate() {
+            let from = (self.height - y) % self.height * self.width;
+            let opposite = &grid[from..from + self.width];
+            // The first one is opposite itself, the others from the end.
+            let opposites = opposite[..1].iter().chain(opposite[1..].iter().rev());
+            for (a, b) in row.iter().zip(opposites) {
+                let b = b.conj();
+                one.push((a + b) * half);
+                other.push((a - b) * minus_half_i);
+            }
+        }
         [one, other]
     }
 

@@ -11,7 +11,7 @@
 use image::{Rgb, RgbImage};
 use rayon::prelude::*;
 
-pub(crate) use warpknit_core::number::{byte, double, float, narrow, whole};
+pub(crate) use warpknit_core::number::{byte, double, float, narrow, whole, whole_f64};
 
 /// A picture with one number a pixel.
 #[derive(Clone, Debug, PartialEq)]

@@ -14,6 +14,7 @@ use super::color::SegmentColors;
 use super::fibres::Twist;
 use super::lattice::Lattice;
 use super::layout::Layout;
+use super::relief::Relief;
 use super::shape::CylinderShape;
 use super::strands::{JoinedStrand, PlacedSegment, strands};
 use super::upright::Upright;
@@ -54,11 +55,12 @@ pub(super) fn fabric(
         .map(|(corner, segment)| {
             let own = &layout.visible[segment];
             let along = [-0.5, -0.25, 0.0, 0.25, 0.5].map(|share| share * own.length);
+            let relief = Relief::new(own);
             PlacedSegment {
                 segment,
                 source: layout.sources[segment],
                 axis: along.map(|along| upright.count(own.axis(along).0 + corner) * cell),
-                descent: along.map(|along| own.descent(along)),
+                descent: along.map(|along| relief.descent(along)),
                 shape: yarns.shapes[segment],
             }
         })

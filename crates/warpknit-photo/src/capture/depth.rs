@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 
 use super::cell::Cell;
 use super::layout::Layout;
-use super::segment::{heights, sample_points};
+use super::relief::{Samples, heights};
 use crate::plane::{Plane, double, narrow, percentile};
 
 /// Share of the light in the depth; the cylinders have the rest. At 0 fine relief would be lost; at
@@ -50,15 +50,18 @@ impl Depth {
     /// segment of the layout.
     pub(super) fn new(cell: &Cell, layout: &Layout, groups: &[usize], thickness: f64) -> Self {
         let Plane { width, height, ref values } = cell.plane;
-        let points = sample_points(&cell.lattice, [width, height]);
-        let own: Vec<Vec<f64>> =
-            layout.visible.iter().map(|segment| heights(segment, &cell.lattice, &points)).collect();
-        let model: Vec<f64> = (0..points.len())
+        let samples = Samples::grid(&cell.lattice, [width, height]);
+        let own: Vec<Vec<f64>> = layout
+            .visible
+            .iter()
+            .map(|segment| heights(segment, &cell.lattice, &samples))
+            .collect();
+        let model: Vec<f64> = (0..values.len())
             .map(|at| own.iter().map(|heights| heights[at]).fold(0.0, f64::max))
             .collect();
         let light = || values.iter().map(|light| f64::from(*light));
         let correlation = Line::through(light().zip(model.iter().copied())).correlation;
-        let combined = with_light(values, &model, &groups_of_points(&own, groups, points.len()));
+        let combined = with_light(values, &model, &groups_of_points(&own, groups, values.len()));
         let plane = |values: &[f64]| Plane {
             width,
             height,

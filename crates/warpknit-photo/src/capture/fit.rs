@@ -15,7 +15,8 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rayon::prelude::*;
 
-use super::segment::{Segment, heights, max_into, rendered};
+use super::relief::{heights, max_into, rendered};
+use super::segment::Segment;
 use super::target::FitTarget;
 
 /// The longest segment, in lengths of the cell's longer vector.
@@ -165,13 +166,13 @@ impl Problem<'_> {
     /// The lightness that parameters render at each sample point.
     fn rendering(&self, parameters: &DVector<f64>) -> Vec<f64> {
         let (segments, ground) = self.segments(parameters);
-        rendered(&segments, ground, &self.target.lattice, &self.target.points)
+        rendered(&segments, ground, &self.target.lattice, &self.target.samples)
     }
 
     /// A column of the Jacobian: the derivative by one parameter, where `others` is the upper
     /// envelope of the other segments.
     fn derivative(&self, number: usize, others: &[f64]) -> Vec<f64> {
-        let FitTarget { lattice, points, .. } = self.target;
+        let FitTarget { lattice, samples, .. } = self.target;
         let segment = number / Segment::PARAMETERS;
         let step = if Segment::PIXEL_PARAMETERS.contains(&(number % Segment::PARAMETERS)) {
             PIXEL_STEP * self.start[segment].width.max(0.3)
@@ -181,7 +182,7 @@ impl Problem<'_> {
         let mut moved = self.parameters.clone();
         let mut heights_at = |by: f64| {
             moved[number] = self.parameters[number] + by;
-            heights(&self.segments(&moved).0[segment], lattice, points)
+            heights(&self.segments(&moved).0[segment], lattice, samples)
         };
         let (more, less) = (heights_at(step), heights_at(-step));
         // Where another segment is higher at both ends of the difference, the derivative is 0: what
@@ -228,21 +229,20 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
         let (segments, _) = self.segments(&self.parameters);
-        let FitTarget { lattice, points, light, .. } = self.target;
+        let FitTarget { lattice, samples, light, .. } = self.target;
         // One parameter moves one segment. The envelope of the others is computed once for each
         // segment, so that a column costs two renderings of one segment instead of all of them.
         let own: Vec<Vec<f64>> =
-            segments.par_iter().map(|segment| heights(segment, lattice, points)).collect();
-        let others: Vec<Vec<f64>> = (0..segments.len())
-            .map(|number| envelope_without(number, &own, points.len()))
-            .collect();
+            segments.par_iter().map(|segment| heights(segment, lattice, samples)).collect();
+        let others: Vec<Vec<f64>> =
+            (0..segments.len()).map(|number| envelope_without(number, &own, light.len())).collect();
         let last = self.parameters.len() - 1;
         let columns: Vec<Vec<f64>> = (0..=last)
             .into_par_iter()
             .map(|number| {
                 // The ground lifts every point alike.
                 if number == last {
-                    vec![1.0; points.len()]
+                    vec![1.0; light.len()]
                 } else {
                     self.derivative(number, &others[number / Segment::PARAMETERS])
                 }
@@ -260,6 +260,7 @@ mod tests {
 
     use super::super::cell::Cell;
     use super::super::lattice::Lattice;
+    use super::super::relief::Samples;
     use super::*;
     use crate::plane::{Plane, double, narrow};
 
@@ -269,7 +270,7 @@ mod tests {
     fn cell(segments: &[Segment]) -> Cell {
         let light = |x: usize, y: usize| {
             let place = LATTICE.a * (double(x) / 60.0) + LATTICE.b * (double(y) / 48.0);
-            narrow(rendered(segments, -1.0, &LATTICE, &[place])[0])
+            narrow(rendered(segments, -1.0, &LATTICE, &Samples::new(vec![place]))[0])
         };
         Cell { lattice: LATTICE, plane: Plane::from_fn(60, 48, light) }
     }

@@ -18,7 +18,8 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::fit::{Hypothesis, LayoutFit, refine};
-use super::segment::{Segment, heights, max_into, rendered};
+use super::relief::{heights, max_into, rendered};
+use super::segment::Segment;
 use super::steps;
 use super::target::FitTarget;
 use crate::plane::double;
@@ -76,7 +77,7 @@ pub(super) fn extended(target: &FitTarget, mut fit: LayoutFit, top: f64) -> Layo
 
 /// The best fit with one segment more.
 fn with_one_more(target: &FitTarget, fit: &LayoutFit, top: f64) -> Option<LayoutFit> {
-    let rendered = rendered(&fit.segments, fit.ground, &target.lattice, &target.points);
+    let rendered = rendered(&fit.segments, fit.ground, &target.lattice, &target.samples);
     // Matching pursuit (Mallat and Zhang 1993): the filters look for the residual only.
     let rest: Vec<f64> =
         target.light.iter().zip(&rendered).map(|(light, rendered)| light - rendered).collect();
@@ -106,7 +107,7 @@ fn with_one_more(target: &FitTarget, fit: &LayoutFit, top: f64) -> Option<Layout
 
 /// What a candidate leaves unexplained over what others have rendered.
 fn residual_with(target: &FitTarget, rendered: &[f64], candidate: &Segment, ground: f64) -> f64 {
-    let mut with = heights(candidate, &target.lattice, &target.points);
+    let mut with = heights(candidate, &target.lattice, &target.samples);
     with.iter_mut().for_each(|height| *height += ground);
     max_into(&mut with, rendered);
     target.residual(&with)
@@ -133,7 +134,7 @@ fn candidates(
             let angle = double(angle) / double(ANGLES) * PI;
             let response = responses(&kernel(target, angle, width, length), &tiled, target.size);
             maxima(&response, target.size).into_iter().map(move |at| {
-                let centre = target.points[at];
+                let centre = target.samples.points[at];
                 let segment = Segment::straight(centre, angle, width, length, top - ground);
                 (response[at], segment)
             })
@@ -249,7 +250,7 @@ fn kernel(target: &FitTarget, angle: f64, width: f64, length: f64) -> Vec<(usize
 fn best_pair(target: &FitTarget, candidates: &[Segment]) -> Option<[Segment; 2]> {
     let own: Vec<Vec<f64>> = candidates
         .par_iter()
-        .map(|candidate| heights(candidate, &target.lattice, &target.points))
+        .map(|candidate| heights(candidate, &target.lattice, &target.samples))
         .collect();
     let pairs: Vec<[usize; 2]> = (0..candidates.len())
         .flat_map(|i| (i + 1..candidates.len()).map(move |j| [i, j]))

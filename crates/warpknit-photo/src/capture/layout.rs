@@ -7,7 +7,8 @@
 //! the variance that they leave unexplained, with penalties for the number of segments, for
 //! overlaps, and for what only hidden parts explain. Where a weave is clear, covers are skipped.
 //! Covers go through a local search, which joins, drops and adds segments while the cost falls. The
-//! best layout is refined on a finer grid. If it is not plausible then, the next one is tried.
+//! best layout is refined on a finer grid. If it is not plausible then, the next one is tried. Who
+//! has a better explanation asks for the weave alone.
 //!
 //! Cost: 0.5 to 2 s where a weave is clear, else 3 to 15 s on two cores.
 //!
@@ -20,7 +21,8 @@ use super::cell::Cell;
 use super::error::CaptureError;
 use super::fit::{Hypothesis, LayoutFit};
 use super::lattice::Lattice;
-use super::segment::{Segment, covered_shares, rendered, sample_points};
+use super::relief::{Samples, covered_shares, rendered};
+use super::segment::Segment;
 use super::target::FitTarget;
 use super::visibility::{MIN_VISIBLE, MIN_VISIBLE_GAP, visible_parts};
 use super::{greedy_cover, woven};
@@ -152,26 +154,55 @@ fn scaled(segments: &[Segment], scale: f64) -> Vec<Segment> {
     segments.iter().map(|segment| segment.scaled(scale)).collect()
 }
 
-/// Finds the layout of a cell; `None` where none is plausible.
-pub(super) fn find(cell: &Cell) -> Option<Layout> {
-    let (coarse, fine) = (FitTarget::new(cell, COARSE), FitTarget::new(cell, FINE));
-    // Quantiles instead of extrema, which lint and specks would set.
-    let (ground, top) = (coarse.quantile(0.04), coarse.quantile(0.9));
-    let mut weaves: Vec<(f64, LayoutFit)> =
-        woven::fits(&coarse, ground, top).map(|fit| pruned_with_cost(&coarse, fit)).collect();
-    weaves.retain(|(_, fit)| without_hidden(fit.clone(), &coarse).error < MAX_WEAVE_ERROR);
-    weaves.sort_by(|p, q| p.0.total_cmp(&q.0));
-    let unclear = weaves.split_off(weaves.partition_point(|(cost, _)| *cost < CLEAR_WEAVE_COST));
-    weaves.iter().find_map(|(_, fit)| plausible_layout(fit, &fine)).or_else(|| {
-        // Weaves that are not clear compete with the covers.
-        let mut fits = unclear;
-        fits.par_extend(greedy_cover::fits(&coarse, ground, top).map(|fit| {
-            let (cost, fit) = pruned_with_cost(&coarse, fit);
-            local_search(&coarse, fit, cost, top)
-        }));
-        fits.sort_by(|p, q| p.0.total_cmp(&q.0));
-        fits.iter().find_map(|(_, fit)| plausible_layout(fit, &fine))
-    })
+/// What layouts of a cell are sought with.
+pub(super) struct Targets {
+    coarse: FitTarget,
+    fine: FitTarget,
+    /// Lightness of the deepest ground and of the tops of yarns: quantiles instead of extrema,
+    /// which lint and specks would set.
+    ground: f64,
+    top: f64,
+}
+
+impl Targets {
+    pub(super) fn new(cell: &Cell) -> Self {
+        let (coarse, fine) = (FitTarget::new(cell, COARSE), FitTarget::new(cell, FINE));
+        let (ground, top) = (coarse.quantile(0.04), coarse.quantile(0.9));
+        Self { coarse, fine, ground, top }
+    }
+
+    /// The weave that costs least of those that are plausible, and its cost.
+    pub(super) fn weave(&self) -> Option<(f64, Layout)> {
+        let coarse = &self.coarse;
+        let mut weaves: Vec<(f64, LayoutFit)> = woven::fits(coarse, self.ground, self.top)
+            .map(|fit| pruned_with_cost(coarse, fit))
+            .collect();
+        weaves.retain(|(_, fit)| without_hidden(fit.clone(), coarse).error < MAX_WEAVE_ERROR);
+        weaves.sort_by(|p, q| p.0.total_cmp(&q.0));
+        weaves.iter().find_map(|(cost, fit)| Some((*cost, plausible_layout(fit, &self.fine)?)))
+    }
+
+    /// The layout of the cell, given its weave: that, unless it isn't clear and a cover costs less.
+    /// `None` where none is plausible.
+    pub(super) fn layout(&self, weave: Option<(f64, Layout)>) -> Option<Layout> {
+        let coarse = &self.coarse;
+        let least = weave.as_ref().map_or(f64::INFINITY, |(cost, _)| *cost);
+        if least < CLEAR_WEAVE_COST {
+            return weave.map(|(_, layout)| layout);
+        }
+        let mut covers: Vec<(f64, LayoutFit)> = greedy_cover::fits(coarse, self.ground, self.top)
+            .map(|fit| {
+                let (cost, fit) = pruned_with_cost(coarse, fit);
+                local_search(coarse, fit, cost, self.top)
+            })
+            .filter(|(cost, _)| *cost < least)
+            .collect();
+        covers.sort_by(|p, q| p.0.total_cmp(&q.0));
+        covers
+            .iter()
+            .find_map(|(_, fit)| plausible_layout(fit, &self.fine))
+            .or_else(|| weave.map(|(_, layout)| layout))
+    }
 }
 
 fn pruned_with_cost(target: &FitTarget, fit: LayoutFit) -> (f64, LayoutFit) {
@@ -228,7 +259,7 @@ pub(super) fn given(
     let (most_overlap, most_blank) = (Layout::MOST_OVERLAP, Layout::MOST_BLANK);
     // The shares explain nothing about segments that are as dark as the ground, or too short to
     // count as visible. Those get an error of their own.
-    let is_dark = rendered(&layout.segments, 0.0, &target.lattice, &target.points)
+    let is_dark = rendered(&layout.segments, 0.0, &target.lattice, &target.samples)
         .iter()
         .all(|light| *light <= 0.0);
     if is_dark || layout.overlap <= most_overlap && layout.blank <= most_blank {
@@ -244,7 +275,7 @@ pub(super) fn given(
 
 /// Shares of a cell that lie under two segments, and under none.
 fn coverage(segments: &[Segment], lattice: &Lattice) -> [f64; 2] {
-    covered_shares(segments, lattice, &sample_points(lattice, [COVERAGE_SIDE; 2]))
+    covered_shares(segments, lattice, &Samples::grid(lattice, [COVERAGE_SIDE; 2]))
 }
 
 /// The cost by which layouts compete: the unexplained share of the variance, with penalties.
@@ -256,7 +287,7 @@ fn cost(target: &FitTarget, fit: &LayoutFit) -> f64 {
         .into_iter()
         .map(|(_, segment)| segment)
         .collect();
-    let [overlap, _] = covered_shares(&visible, &target.lattice, &target.points);
+    let [overlap, _] = covered_shares(&visible, &target.lattice, &target.samples);
     // The cloth will be made of the visible parts. A wrong layout can make up for its error by
     // slivers of hidden segments, and pays for those here.
     let visible_error = target.error(&visible, fit.ground);

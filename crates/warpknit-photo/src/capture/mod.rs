@@ -41,6 +41,7 @@ mod layout_file;
 pub(crate) mod plane;
 mod quilt;
 pub(crate) mod register;
+mod relief;
 mod report;
 mod segment;
 mod shape;
@@ -74,6 +75,7 @@ pub use fibres::Twist;
 pub use fit::Hypothesis;
 pub use lattice::{CERTAIN, Lattice, UnitCell};
 pub use layout::Layout;
+use layout::Targets;
 pub use layout_file::{GivenLayout, GivenLayoutError};
 pub use segment::Segment;
 pub use shape::CylinderShape;
@@ -150,65 +152,116 @@ pub struct Captured {
 /// # Errors
 /// [`CaptureError`]: what the photo lacks.
 pub fn capture(photo: &RgbImage, settings: &CaptureSettings) -> Result<Captured, CaptureError> {
-    let RepeatView { scale, corner, picture, lightness, even, unit } = repeat(photo, settings)?;
-    let field = register(&even, &unit.lattice);
-    let channels =
-        Plane::channels(&picture).map(|plane| Cell::mean_of_copies(&plane, &field, &unit.lattice));
-    let cell = Cell::mean_of_copies(
-        &normalized_contrast(&lightness, narrow(1.5 * unit.lattice.longer())),
-        &field,
-        &unit.lattice,
-    );
-    let cell = color::level_colors(cell, &channels);
-    let layout = match &settings.layout {
-        Some(given) => layout::given(
-            &cell,
-            given.segments.iter().map(|segment| segment.scaled(scale)).collect(),
-            given.ground,
-        )?,
-        None => layout::find(&cell).ok_or(CaptureError::NoYarns)?,
-    };
-    let colors = SegmentColors::new(&channels, &layout.visible);
-    let depth = Depth::new(&cell, &layout, &colors.groups, settings.thickness);
-    let view = DVec2::new(double(lightness.width), double(lightness.height));
-    let twists = twists(
-        &PhotoRegistration { photo, field: &field, lattice: &unit.lattice, view, scale, corner },
-        &layout.visible,
-    );
-    let texture = quilt(&picture, &field, &unit.lattice);
-    // From here on lengths are pixels of the photo instead of the view.
-    let to_photo = 1.0 / scale;
-    let lattice = Lattice { a: unit.lattice.a * to_photo, b: unit.lattice.b * to_photo };
-    let unit = UnitCell { lattice, ..unit };
-    let layout = layout.scaled(to_photo);
-    let width = layout.visible.iter().map(|segment| segment.width).sum::<f64>()
-        / double(layout.visible.len());
-    let pixel = settings.pixels_per_mm.map_or(settings.thickness / LAYERS / width, f64::recip);
-    let shapes: Vec<CylinderShape> = layout
-        .visible
-        .iter()
-        .map(|segment| CylinderShape::new(segment, PhotoScale { pixel, light: depth.scale }))
-        .collect();
-    let yarns = SegmentYarns { shapes: &shapes, twists: &twists, colors: &colors };
-    let fabric = cloth::fabric(&lattice, &layout, &yarns, pixel);
-    // The reader of fabric files has limits that a photo knows nothing of. Better an error now than
-    // a file that `drape` refuses.
-    Fabric::parse(&fabric.to_string())
-        .map_err(|error| CaptureError::InvalidFabric { why: error.to_string() })?;
-    Ok(Captured {
-        unit,
-        corner,
-        layout,
-        twists,
-        shapes,
-        fabric,
-        pixel,
-        scale,
-        depth,
-        field,
-        cell,
-        texture,
-    })
+    MeanRepeat::new(photo, settings)?.captured()
+}
+
+/// The mean of what repeats in a photo. Its yarns are not laid out yet, but for those of a weave.
+pub struct MeanRepeat<'a> {
+    photo: &'a RgbImage,
+    settings: &'a CaptureSettings,
+    view: RepeatView,
+    field: DisplacementField,
+    /// Its mean cell in red, green and blue, linear light.
+    channels: [Cell; 3],
+    /// The same in lightness, without shading, both of two colours as light.
+    cell: Cell,
+    targets: Targets,
+    /// The likeliest weave and its cost, unless a layout is given.
+    weave: Option<(f64, Layout)>,
+}
+
+impl<'a> MeanRepeat<'a> {
+    /// Finds what repeats, its mean, and the weave that it may be.
+    ///
+    /// # Errors
+    /// [`CaptureError`]: what the photo lacks.
+    pub fn new(photo: &'a RgbImage, settings: &'a CaptureSettings) -> Result<Self, CaptureError> {
+        let view = repeat(photo, settings)?;
+        let lattice = &view.unit.lattice;
+        let field = register(&view.even, lattice);
+        let channels = Plane::channels(&view.picture)
+            .map(|plane| Cell::mean_of_copies(&plane, &field, lattice));
+        let cell = Cell::mean_of_copies(
+            &normalized_contrast(&view.lightness, narrow(1.5 * lattice.longer())),
+            &field,
+            lattice,
+        );
+        let cell = color::level_colors(cell, &channels);
+        let targets = Targets::new(&cell);
+        let weave = if settings.layout.is_none() { targets.weave() } else { None };
+        Ok(Self { photo, settings, view, field, channels, cell, targets, weave })
+    }
+
+    /// The share of its variance that the likeliest weave leaves unexplained, if any is plausible.
+    #[must_use]
+    pub fn unexplained_by_weave(&self) -> Option<f64> {
+        self.weave.as_ref().map(|(_, layout)| layout.error)
+    }
+
+    /// Its yarns.
+    ///
+    /// # Errors
+    /// [`CaptureError`]: what the photo or a given layout lacks.
+    pub fn captured(self) -> Result<Captured, CaptureError> {
+        let Self { photo, settings, view, field, channels, cell, targets, weave } = self;
+        let RepeatView { scale, corner, picture, lightness, unit, .. } = view;
+        let layout = match &settings.layout {
+            Some(given) => layout::given(
+                &cell,
+                given.segments.iter().map(|segment| segment.scaled(scale)).collect(),
+                given.ground,
+            )?,
+            None => targets.layout(weave).ok_or(CaptureError::NoYarns)?,
+        };
+        let colors = SegmentColors::new(&channels, &layout.visible);
+        let depth = Depth::new(&cell, &layout, &colors.groups, settings.thickness);
+        let view = DVec2::new(double(lightness.width), double(lightness.height));
+        let twists = twists(
+            &PhotoRegistration {
+                photo,
+                field: &field,
+                lattice: &unit.lattice,
+                view,
+                scale,
+                corner,
+            },
+            &layout.visible,
+        );
+        let texture = quilt(&picture, &field, &unit.lattice);
+        // From here on lengths are pixels of the photo instead of the view.
+        let to_photo = 1.0 / scale;
+        let lattice = Lattice { a: unit.lattice.a * to_photo, b: unit.lattice.b * to_photo };
+        let unit = UnitCell { lattice, ..unit };
+        let layout = layout.scaled(to_photo);
+        let width = layout.visible.iter().map(|segment| segment.width).sum::<f64>()
+            / double(layout.visible.len());
+        let pixel = settings.pixels_per_mm.map_or(settings.thickness / LAYERS / width, f64::recip);
+        let shapes: Vec<CylinderShape> = layout
+            .visible
+            .iter()
+            .map(|segment| CylinderShape::new(segment, PhotoScale { pixel, light: depth.scale }))
+            .collect();
+        let yarns = SegmentYarns { shapes: &shapes, twists: &twists, colors: &colors };
+        let fabric = cloth::fabric(&lattice, &layout, &yarns, pixel);
+        // The reader of fabric files has limits that a photo knows nothing of. Better an error now
+        // than a file that `drape` refuses.
+        Fabric::parse(&fabric.to_string())
+            .map_err(|error| CaptureError::InvalidFabric { why: error.to_string() })?;
+        Ok(Captured {
+            unit,
+            corner,
+            layout,
+            twists,
+            shapes,
+            fabric,
+            pixel,
+            scale,
+            depth,
+            field,
+            cell,
+            texture,
+        })
+    }
 }
 
 impl Captured {

@@ -7,7 +7,7 @@ use glam::DVec2;
 use image::RgbImage;
 use rayon::prelude::*;
 
-use crate::plane::{Plane, double, float, narrow, whole};
+use crate::plane::{Plane, double, float, narrow, whole, whole_f64};
 use warpknit_core::fabric::yarn::Color;
 
 /// Standard deviation from which on a Gaussian is replaced by two box blurs, pixels. They cost the
@@ -132,9 +132,10 @@ impl Plane {
     pub(crate) fn sample(&self, place: DVec2) -> f32 {
         let place =
             place.clamp(DVec2::ZERO, DVec2::new(double(self.width - 1), double(self.height - 1)));
-        let [left, top] = place.to_array().map(|at| whole(narrow(at)));
+        let [left, top] = place.to_array().map(whole_f64);
         let [right, bottom] = [(left + 1).min(self.width - 1), (top + 1).min(self.height - 1)];
-        self.bilinear([left, right], [top, bottom], place.fract().to_array().map(narrow))
+        let parts = [place.x - double(left), place.y - double(top)].map(narrow);
+        self.bilinear([left, right], [top, bottom], parts)
     }
 
     /// The bilinear mean of four pixels, by the distances from the left ones and from the upper

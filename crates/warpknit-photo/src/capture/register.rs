@@ -204,10 +204,11 @@ fn local_amplitudes(even: &Plane, wave: DVec2, grid: NodeGrid, sigma: f64) -> Ve
     // Sums around each node first, then a blur of the nodes: about as good as a window around each
     // pixel, and cheaper by the number of pixels a node.
     let [mut re, mut im, mut counts] = [(); 3].map(|()| grid.empty_plane());
+    let nodes: Vec<usize> = (0..even.width).map(|x| grid.nearest(x)).collect();
     for (y, &(sin_y, cos_y)) in along_y.iter().enumerate() {
         let row = grid.nearest(y) * grid.columns;
-        for ((x, value), &(sin_x, cos_x)) in even.row(y).iter().enumerate().zip(&along_x) {
-            let at = row + grid.nearest(x);
+        for ((value, node), &(sin_x, cos_x)) in even.row(y).iter().zip(&nodes).zip(&along_x) {
+            let at = row + node;
             let value = f64::from(*value);
             // Times exp(-2πi k·x): demodulation to frequency 0.
             re.values[at] += narrow(value * (cos_x * cos_y - sin_x * sin_y));

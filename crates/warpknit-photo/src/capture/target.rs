@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use super::cell::Cell;
 use super::lattice::Lattice;
-use super::segment::{Segment, rendered, sample_points};
+use super::relief::{Samples, rendered};
+use super::segment::Segment;
 use crate::plane::{double, narrow, whole};
 
 /// Samples each way that are averaged for one sample point.
@@ -20,8 +21,8 @@ pub(super) struct FitTarget {
     pub(super) lattice: Lattice,
     /// Columns and rows.
     pub(super) size: [usize; 2],
-    pub(super) points: Vec<DVec2>,
-    /// Lightness of each point.
+    pub(super) samples: Samples,
+    /// Lightness of each sample.
     pub(super) light: Vec<f64>,
     pub(super) variance: f64,
 }
@@ -43,8 +44,8 @@ impl FitTarget {
         let mean = light.iter().sum::<f64>() / double(light.len());
         let variance =
             light.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / double(light.len());
-        let points = sample_points(&lattice, size);
-        Self { lattice, size, points, light, variance: variance.max(1e-12) }
+        let samples = Samples::grid(&lattice, size);
+        Self { lattice, size, samples, light, variance: variance.max(1e-12) }
     }
 
     /// The lightness below which a share of the cell lies.
@@ -56,7 +57,7 @@ impl FitTarget {
 
     /// Share of the cell's variance that segments leave unexplained.
     pub(super) fn error(&self, segments: &[Segment], ground: f64) -> f64 {
-        self.residual(&rendered(segments, ground, &self.lattice, &self.points))
+        self.residual(&rendered(segments, ground, &self.lattice, &self.samples))
     }
 
     /// Share of the cell's variance that a rendering leaves unexplained.

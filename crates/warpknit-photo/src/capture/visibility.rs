@@ -13,7 +13,8 @@
 use glam::DVec2;
 
 use super::lattice::Lattice;
-use super::segment::{AXIS_SAMPLES, Segment, rendered};
+use super::relief::{Relief, Samples, rendered};
+use super::segment::{AXIS_SAMPLES, Segment};
 use crate::plane::double;
 
 /// The shortest visible part that counts at an end of a segment, in widths. Shorter ones are
@@ -67,7 +68,7 @@ fn visible_intervals(segments: &[Segment], lattice: &Lattice, gap: f64) -> Vec<V
         .collect();
     // Only copies that touch the cell at the origin are rendered, so that points are wrapped into
     // that cell first.
-    let wrapped: Vec<DVec2> = points.iter().map(|place| lattice.wrap_to_cell(*place)).collect();
+    let wrapped = Samples::new(points.iter().map(|place| lattice.wrap_to_cell(*place)).collect());
     let highest = rendered(segments, 0.0, lattice, &wrapped);
     segments
         .iter()
@@ -82,11 +83,11 @@ fn visible_intervals(segments: &[Segment], lattice: &Lattice, gap: f64) -> Vec<V
 
 /// The visibility of a segment at its sample points, where the upper envelope is `highest`.
 fn depth_test(segment: &Segment, points: &[DVec2], highest: &[f64]) -> Vec<Visibility> {
-    let direction = DVec2::from_angle(segment.angle);
+    let relief = Relief::new(segment);
     points
         .iter()
         .zip(highest)
-        .map(|(place, highest)| match segment.height(*place - segment.centre, direction) {
+        .map(|(place, highest)| match relief.height(*place - segment.centre) {
             own if own <= 0.0 => Visibility::Ended,
             // The envelope holds the segment's own height, computed at the wrapped point: rounding
             // differs, and without a tolerance a segment would cover itself.

@@ -17,7 +17,8 @@ use rayon::prelude::*;
 
 use super::fit::{Hypothesis, LayoutFit, refine};
 use super::lattice::{Lattice, hermite_forms};
-use super::segment::{Segment, rendered};
+use super::relief::rendered;
+use super::segment::Segment;
 use super::steps;
 use super::target::FitTarget;
 use super::visibility::{MIN_VISIBLE_GAP, visible_parts};
@@ -133,7 +134,7 @@ impl StructureTensor {
     fn along(&self, target: &FitTarget, place: DVec2, radius: f64, direction: DVec2) -> f64 {
         let direction = direction.normalize();
         let mut sum = 0.0;
-        for (other, [xx, xy, yy]) in target.points.iter().zip(&self.0) {
+        for (other, [xx, xy, yy]) in target.samples.points.iter().zip(&self.0) {
             let near = target.lattice.nearest(*other - place);
             let weight = (-0.5 * near.length_squared() / (radius * radius)).exp();
             sum += weight
@@ -194,7 +195,7 @@ impl Crossings {
         for matrix in self.matrices(origin, tensor, target) {
             for width in WIDTHS {
                 if let Some(weave) = self.weave(origin, &matrix, width, top) {
-                    let model = rendered(&weave.floats, 0.0, &target.lattice, &target.points);
+                    let model = rendered(&weave.floats, 0.0, &target.lattice, &target.samples);
                     weaves.push((target.residual_scaled(&model), weave));
                 }
             }

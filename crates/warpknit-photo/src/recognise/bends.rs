@@ -7,7 +7,7 @@
 use glam::DVec2;
 
 use crate::capture::register::DisplacementField;
-use crate::plane::{double, narrow, whole};
+use crate::plane::{double, narrow, whole, whole_f64};
 
 /// Pixels between nodes.
 const STEP: f64 = 4.0;
@@ -37,8 +37,9 @@ impl Bends {
     pub(super) fn displaced(&self, at: DVec2) -> DVec2 {
         let last = DVec2::new(double(self.columns - 1), double(self.rows - 1));
         let place = (at / STEP).clamp(DVec2::ZERO, last - 1e-9);
-        let part = place - place.floor();
-        let node = whole(narrow(place.y)) * self.columns + whole(narrow(place.x));
+        let [column, row] = place.to_array().map(whole_f64);
+        let part = place - DVec2::new(double(column), double(row));
+        let node = row * self.columns + column;
         let node = node.min(self.nodes.len() - self.columns - 2);
         let upper = self.nodes[node].lerp(self.nodes[node + 1], part.x);
         let below = node + self.columns;

@@ -70,17 +70,8 @@ impl Template {
             spectrum[0] = Complex32::default();
             spectrum
         });
-        let mut gram = [[0.0; CHANNELS]; CHANNELS];
-        for (row, one) in gram.iter_mut().zip(&spectra) {
-            for (entry, other) in row.iter_mut().zip(&spectra) {
-                *entry = one
-                    .iter()
-                    .zip(other)
-                    .map(|(a, b)| f64::from(a.re * b.re + a.im * b.im))
-                    .sum::<f64>()
-                    / double(fourier.len());
-            }
-        }
+        let mut gram = products(&spectra, fourier.width);
+        gram.iter_mut().flatten().for_each(|entry| *entry /= double(fourier.len()));
         let scale = gram[0][0].max(f64::MIN_POSITIVE);
         let plain = DMat4::from_cols_array_2d(&gram);
         for (at, ridge) in RIDGE.into_iter().enumerate() {
@@ -126,6 +117,30 @@ impl Template {
         best.explained /= cell.power.max(f64::MIN_POSITIVE);
         best
     }
+}
+
+/// The sums of products of each channel with each, of spectra of real planes whose rows are so
+/// long. Opposite frequencies add the same, so that half of each row is enough. One pass adds to
+/// all sums: one after another would wait for each of its additions.
+fn products(spectra: &[Vec<Complex32>; CHANNELS], width: usize) -> [[f64; CHANNELS]; CHANNELS] {
+    let mut products = [[0.0; CHANNELS]; CHANNELS];
+    let [a, b, c, d] = spectra.each_ref().map(|spectrum| spectrum.chunks_exact(width));
+    for (((a, b), c), d) in a.zip(b).zip(c).zip(d) {
+        for at in 0..=width / 2 {
+            let values = [a[at], b[at], c[at], d[at]];
+            let is_alone = at == 0 || 2 * at == width;
+            let count = if is_alone { 1.0 } else { 2.0 };
+            for (row, one) in values.iter().enumerate() {
+                for (column, other) in values.iter().enumerate().skip(row) {
+                    products[row][column] +=
+                        count * f64::from(one.re * other.re + one.im * other.im);
+                }
+            }
+        }
+    }
+    std::array::from_fn(|row| {
+        std::array::from_fn(|column| products[row.min(column)][row.max(column)])
+    })
 }
 
 /// The spectrum of a Gaussian.

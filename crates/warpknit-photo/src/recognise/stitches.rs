@@ -199,8 +199,10 @@ fn bent(lights: &[[f32; CHANNELS]], bends: &[DVec2], face: Face) -> [Vec<f32>; C
         };
         let from = moved(row, bend.y * double(ROWS), rows) * COLUMNS;
         let to = row / FINE * WALE;
-        for column in 0..COLUMNS {
-            let light = &lights[from + moved(column, -right * double(COLUMNS), COLUMNS)];
+        // The row begins somewhere and goes around.
+        let begin = moved(0, -right * double(COLUMNS), COLUMNS);
+        let (last, first) = lights[from..from + COLUMNS].split_at(begin);
+        for (column, light) in first.iter().chain(last).enumerate() {
             for (channel, light) in channels.iter_mut().zip(light) {
                 channel[to + column / FINE] += share * light;
             }

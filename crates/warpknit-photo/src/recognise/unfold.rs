@@ -34,7 +34,7 @@ pub(super) struct Fold {
 
 impl Sheet {
     /// The photo in a frame whose origin is the photo's middle. `place` says where in the photo a
-    /// place of the undistorted cloth is, pixels from the middle.
+    /// place of the undistorted cloth is, pixels.
     pub(super) fn new(even: &Plane, frame: Frame, place: impl Fn(DVec2) -> DVec2) -> Self {
         let size = DVec2::new(double(even.width - 1), double(even.height - 1));
         let middle = 0.5 * size;
@@ -46,13 +46,16 @@ impl Sheet {
         let cells = DVec2::new(double(WALE), double(COURSE));
         let [width, height] = ((high - low) * cells).to_array().map(|side| whole(narrow(side)));
         let inside = |at: DVec2| at.min_element() >= 0.0 && at.cmple(size).all();
-        let values: Vec<Option<f32>> = (0..width * height)
-            .map(|at| {
-                let pixel = DVec2::new(double(at % width) + 0.5, double(at / width) + 0.5);
-                let at = middle + place(frame.0 * (low + pixel / cells));
+        let first = middle + frame.0 * (low + 0.5 / cells);
+        let [across, down] = [frame.0.x_axis / cells.x, frame.0.y_axis / cells.y];
+        let mut values: Vec<Option<f32>> = Vec::with_capacity(width * height);
+        for y in 0..height {
+            let first = first + double(y) * down;
+            values.extend((0..width).map(|x| {
+                let at = place(first + double(x) * across);
                 inside(at).then(|| even.sample(at))
-            })
-            .collect();
+            }));
+        }
         let known = values.iter().flatten();
         let known_count = known.clone().count();
         let count = float(known_count.max(1));

@@ -200,6 +200,5 @@ fn middle(photo: &RgbImage) -> RgbImage {
 
 /// A photo in a frame, its bends taken off.
 fn laid_out(plane: &Plane, frame: Frame, bends: &Bends) -> Sheet {
-    let middle = 0.5 * DVec2::new(double(plane.width - 1), double(plane.height - 1));
-    Sheet::new(plane, frame, |at: DVec2| bends.displaced(at + middle) - middle)
+    Sheet::new(plane, frame, |at: DVec2| bends.displaced(at))
 }
