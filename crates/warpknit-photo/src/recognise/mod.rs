@@ -138,6 +138,12 @@ pub enum RecogniseError {
          and more, each eight pixels wide and more"
     )]
     NoFrame,
+    /// A repeat that varies in one direction only.
+    #[error(
+        "the photo shows stripes, and no wales or no courses in them: take it sharper or nearer, or \
+         name the cloth by --lapping"
+    )]
+    Stripes,
     /// A chain that makes no fabric.
     #[error("{why}")]
     Lapping {
@@ -152,6 +158,9 @@ pub const MOST_UNEXPLAINED: f64 = 0.4;
 pub const LEAST_MARGIN: f64 = 0.004;
 /// Share of a photo's variance that a knit explains at least: less, and it is chance.
 const LEAST_EXPLAINED: f64 = 0.06;
+/// Share of a mean repeat's variance that stripes leave: less, and it shows no stitches. Drawn knits
+/// have 0.19 and more.
+const LEAST_BEYOND_STRIPES: f32 = 0.05;
 /// Drafts that are worth to be relaxed, and of these, those whose yarns are fitted.
 const RELAXED: usize = 20;
 const FITTED: usize = 8;
@@ -182,6 +191,12 @@ pub fn recognise(
     let best = fits.first().ok_or(RecogniseError::NoFrame)?;
     if best.explained < LEAST_EXPLAINED {
         return Err(RecogniseError::NoFrame);
+    }
+    let repeat = best.candidate.repeat();
+    let mut seen = best.scores.iter().zip(&views);
+    if settings.lapping.is_empty() && seen.any(|(score, view)| view.is_striped(repeat, score.frame))
+    {
+        return Err(RecogniseError::Stripes);
     }
     let frames = best.scores.iter().zip(&views).map(|(score, view)| {
         let frame = view.frames[score.frame];

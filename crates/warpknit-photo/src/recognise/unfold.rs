@@ -32,6 +32,22 @@ pub(super) struct Fold {
     pub(super) share: f64,
 }
 
+/// The share of a picture's variance that the means of its rows leave, or those of its columns,
+/// whichever leave less: nothing of stripes.
+pub(super) fn beyond_stripes(values: &[f32], width: usize) -> f32 {
+    let (columns, rows) = (float(width), float(values.len() / width));
+    let mean = values.iter().sum::<f32>() / (columns * rows);
+    let mut sums = vec![0.0_f32; width];
+    let (mut whole, mut by_rows) = (f32::MIN_POSITIVE, 0.0);
+    for row in values.chunks_exact(width) {
+        whole += row.iter().map(|value| (value - mean).powi(2)).sum::<f32>();
+        by_rows += columns * (row.iter().sum::<f32>() / columns - mean).powi(2);
+        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+    }
+    let by_columns = sums.iter().map(|sum| rows * (sum / rows - mean).powi(2)).sum::<f32>();
+    1.0 - by_rows.max(by_columns) / whole
+}
+
 impl Sheet {
     /// The photo in a frame whose origin is the photo's middle. `place` says where in the photo a
     /// place of the undistorted cloth is, pixels.
@@ -104,5 +120,30 @@ impl Sheet {
     /// How many copies of a repeat it shows.
     pub(super) fn copies(&self, repeat: [usize; 2]) -> f64 {
         double(self.count) / double(repeat[0] * WALE * repeat[1] * COURSE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::candidate::{warp_knits, weft_knits};
+    use super::super::{Face, LEAST_BEYOND_STRIPES};
+    use super::*;
+
+    #[test]
+    fn stripes_leave_nothing_of_stripes_and_most_of_a_knit() {
+        let striped: Vec<f32> = (0..96).map(|at| float(at / 12 % 3)).collect();
+        assert!(beyond_stripes(&striped, 12) < 1e-5);
+        let upright: Vec<f32> = (0..96).map(|at| float(at % 12 % 4)).collect();
+        assert!(beyond_stripes(&upright, 12) < 1e-5);
+        let mut all: Vec<(f32, String)> = Vec::new();
+        for candidate in warp_knits().iter().chain(weft_knits()) {
+            for face in [Face::Front, Face::Back] {
+                let light = &candidate.sketch(face).channels[0].blurred(1, true);
+                let beyond = beyond_stripes(&light.values, light.width);
+                all.push((beyond, format!("{} {face:?}", candidate.fabric.name)));
+            }
+        }
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        assert!(all[0].0 > 3.0 * LEAST_BEYOND_STRIPES, "{:?}", all[0]);
     }
 }

@@ -11,12 +11,12 @@ use image::RgbImage;
 use image::imageops::crop_imm;
 use rayon::prelude::*;
 
-use super::Face;
 use super::bends::Bends;
 use super::compare::{CellSpectrum, Match, Template};
 use super::frames::{Frame, frames};
 use super::sketch::{CHANNELS, COURSE, Sketch, WALE};
-use super::unfold::Sheet;
+use super::unfold::{Sheet, beyond_stripes};
+use super::{Face, LEAST_BEYOND_STRIPES};
 use crate::capture::lattice::Lattice;
 use crate::capture::plane::normalized_contrast;
 use crate::capture::register::register_in;
@@ -167,6 +167,13 @@ impl FaceView {
     /// The mean of all copies of a repeat in a frame.
     pub(super) fn mean_cell(&self, repeat: [usize; 2], frame: usize) -> Vec<f32> {
         self.sheets[frame].fold(repeat).values
+    }
+
+    /// Whether the mean of all copies of a repeat varies in one direction only. Any spacing of the
+    /// other direction fits it then.
+    pub(super) fn is_striped(&self, repeat: [usize; 2], frame: usize) -> bool {
+        let cell = self.mean_cell(repeat, frame);
+        beyond_stripes(&cell, repeat[0] * WALE) < LEAST_BEYOND_STRIPES
     }
 
     /// Folds the photo into the repeats of one wale and few courses.
