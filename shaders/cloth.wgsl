@@ -228,6 +228,7 @@ fn shade(in: Surface) -> Light {
         material.normal = detail.normal;
         material.albedo *= detail.shade;
     }
+    material.albedo *= in.lightness;
     // This pass draws either solid fragments or fuzz.
     if alpha < MIN_ALPHA || (FUZZ && alpha >= SOLID_ALPHA) || (!FUZZ && alpha < SOLID_ALPHA) {
         discard;
@@ -282,7 +283,7 @@ fn expand_lit(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
     // tube at the node.
     let offset = in.normal * (in.side * (GAUSS - 1.0)) + front_of * (rise - MEAN_RISE);
     let world = in.world + offset * in.radius;
-    let shade = 1.0 - GROOVE * select(0.0, MEAN_GROOVE, look.plies > 1.0);
+    let shade = in.lightness * (1.0 - GROOVE * select(0.0, MEAN_GROOVE, look.plies > 1.0));
     let sheen = Sheen(look.sheen, look.fibre_slope, normalize(in.tangent));
     let normal = face_eye(outward, toward_eye);
     let material = Material(normal, look.albedo * shade, look.roughness, look.metallic, sheen);

@@ -23,6 +23,8 @@ const PARTS = 32u;
 // Limit of the widening of a step. A step along a whole loop would otherwise become so wide that it
 // covers its neighbours.
 const MAX_WIDENING = 3.0;
+// Largest difference from 1 of the factors on a yarn's radius and on its base colour.
+const MOST_UNEVEN = 0.25;
 // Mean height of a tube over its axis toward the eye, pi / 4 radii. The strip that stands for the
 // tube lies there.
 const MEAN_RISE = 0.785;
@@ -32,7 +34,9 @@ struct Chunk {
     // Number of pieces; the chunk has one more point.
     count: u32,
     look: u32,
-    spare: u32,
+    // Signed bytes: shares of MOST_UNEVEN by which the yarn is thicker at the chunk's start and at
+    // its end, and lighter.
+    unevenness: u32,
 }
 
 struct Draw {
@@ -70,6 +74,8 @@ struct Surface {
     @location(7) @interpolate(flat, either) look: u32,
     // Differs from chunk to chunk.
     @location(8) @interpolate(flat, either) seed: u32,
+    // Factor on the base colour.
+    @location(9) @interpolate(flat, either) lightness: f32,
 }
 
 // Octahedral decoding of a unit vector (Meyer et al. 2010, 'On floating-point normal vectors').
@@ -109,7 +115,10 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
     out.tangent = tangent;
     out.across = across;
     out.along = points[at].w;
-    out.radius = look.radius * widening(at, chunk);
+    let uneven = 1.0 + MOST_UNEVEN * unpack4x8snorm(chunk.unevenness);
+    let thickness = mix(uneven.x, uneven.y, f32(at - chunk.first) / f32(chunk.count));
+    out.radius = look.radius * thickness * widening(at, chunk);
+    out.lightness = uneven.z;
     out.look = chunk.look;
     out.seed = part / PARTS;
     let edge = f32(vertex % draw.edges);

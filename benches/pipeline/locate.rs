@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::{DVec2, DVec3};
+use warpknit::drape::evenness::Evenness;
 use warpknit::drape::strands::Edge;
 use warpknit::drape::{self, Block, Cloth, DrapeOptions, Stage};
 use warpknit::garment::{Garment, Panel};
@@ -101,8 +102,13 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
 }
 
 /// The map without a table of strains, so that nothing is solved or swept.
-const SMOOTH: DrapeOptions =
-    DrapeOptions { mapping: Mapping::Smooth, edge: Edge::Clip, sweeps: None, surface: None };
+const SMOOTH: DrapeOptions = DrapeOptions {
+    mapping: Mapping::Smooth,
+    edge: Edge::Clip,
+    sweeps: None,
+    evenness: Evenness::Regular,
+    surface: None,
+};
 /// Stitches of the skirt in the drapes whose stages are timed.
 const STITCHES: [(&str, f64); 3] = [("26180", 26_180.0), ("262k", 262e3), ("1m", 1e6)];
 

@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use warpknit::drape::evenness::Evenness;
 use warpknit::export::Axes;
 use warpknit::export::glb::GlbOptions;
 use warpknit::export::npz::NpzOptions;
@@ -30,6 +31,13 @@ impl Laying {
     /// The folder in which strained repeats are kept.
     pub(super) fn cache(&self) -> Option<PathBuf> {
         if self.no_cache { None } else { cache_folder() }
+    }
+}
+
+impl Drawing {
+    /// Whether pictures show stitches that are copies of each other.
+    pub(super) fn evenness(&self) -> Evenness {
+        if self.regular { Evenness::Regular } else { Evenness::Uneven }
     }
 }
 
@@ -85,7 +93,8 @@ impl Shared {
 
     /// The settings of pictures, with angles in radians.
     fn picture(&self) -> PictureSettings {
-        let Drawing { renderer, spp, samples, lod, shape, ref texture, turntable } = self.drawing;
+        let Drawing { renderer, spp, samples, lod, shape, regular: _, ref texture, turntable } =
+            self.drawing;
         PictureSettings {
             size: self.size,
             view: self.view.into(),
@@ -101,6 +110,7 @@ impl Shared {
             shape: shape.into(),
             texture: texture.clone(),
             turntable,
+            evenness: self.drawing.evenness(),
             ..PictureSettings::default()
         }
     }

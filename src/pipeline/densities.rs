@@ -12,7 +12,6 @@ use crate::export::Format;
 use crate::fabric::yarn::Count;
 use crate::fabric::{Fabric, FabricError};
 use crate::garment::Garment;
-use crate::ids::index32;
 
 /// Stitches of a garment's cloth where it is enlarged unasked. A file of so many opens in other
 /// programs, and a picture of 1600 x 1200 pixels still shows each. With far fewer, loops look like
@@ -122,8 +121,8 @@ fn short(density: f64) -> f64 {
 
 /// Stitches of a fabric on `area` mm² of garment.
 pub(super) fn stitches_on(fabric: &Fabric, area: f64) -> f64 {
-    let bars = f64::from(index32(fabric.yarn_systems()));
-    bars * area / (fabric.wale_spacing() * fabric.course_spacing())
+    let cells = area / (fabric.wale_spacing() * fabric.course_spacing());
+    fabric.structure.stitches_per_cell() * cells
 }
 
 impl Enlarge {
@@ -241,9 +240,22 @@ pub fn turn_grains(garment: &mut Garment, fabric: &Fabric) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drape::Cloth;
 
     fn counts(text: &str) -> Vec<Count> {
         vec![text.parse().unwrap()]
+    }
+
+    #[test]
+    fn stitches_are_foretold_for_empty_guides_too() {
+        let garment = Garment::rectangle(200.0, 300.0);
+        for name in ["tricot", "power-net", "square-net", "tricot-inlay", "jersey", "cable"] {
+            let fabric = Fabric::named(name).unwrap();
+            let planned = Cloth::cover(&garment, &fabric).unwrap().stitches();
+            #[expect(clippy::cast_precision_loss, reason = "some hundred thousand")]
+            let ratio = planned as f64 / stitches_on(&fabric, 200.0 * 300.0);
+            assert!((0.95..1.1).contains(&ratio), "{name}: {ratio}");
+        }
     }
 
     #[test]

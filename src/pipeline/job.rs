@@ -27,6 +27,7 @@ pub(super) struct Job<'a> {
     pub(super) cloth: &'a Cloth<'a>,
     /// The part of the cloth that goes into files. `None` for the whole.
     pub(super) part: Option<(Tile, Cloth<'a>)>,
+    /// Options of laying the yarns of pictures.
     pub(super) options: DrapeOptions,
     /// Flat area that is knitted, mm².
     pub(super) area: f64,

@@ -25,6 +25,7 @@ use super::targets::numbered;
 use super::views::draped_points;
 use super::writers::{check_places, finished, sinks};
 use crate::drape::clearance::{self, BodyClearance};
+use crate::drape::evenness::Evenness;
 use crate::drape::{self, Block, Totals};
 use crate::export::{ExportError, FileWriter, Format, Output};
 use crate::map::relaxed::StrainCounts;
@@ -269,10 +270,11 @@ fn lay(
     let mut announce = |stage, done| {
         clock.borrow_mut().begin(if is_last { Task::from(stage) } else { Task::Render }, done);
     };
-    // A tile of a picture has the light and shadows of the whole cloth, and a close-up takes a part
-    // of it: pictures then need other yarns than files.
+    // A tile of a picture has the light and shadows of the whole cloth, a close-up takes a part of
+    // it, and pictures show uneven cloth: they then need other yarns than files.
+    let is_uneven = job.options.evenness == Evenness::Uneven;
     if let Some((drawn, scene)) =
-        pictures.take_if(|(drawn, _)| job.part.is_some() || drawn.is_part())
+        pictures.take_if(|(drawn, _)| job.part.is_some() || drawn.is_part() || is_uneven)
     {
         let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
             blocks.iter().for_each(|block| {

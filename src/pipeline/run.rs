@@ -139,7 +139,7 @@ pub fn swatch(
         notes: Vec::new(),
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
-        options: flat_options(),
+        options: flat_options(&settings),
         area,
         source,
         is_swatch: true,
@@ -151,7 +151,10 @@ pub fn swatch(
 /// Options of a garment's cloth. A picture at true gauge that nobody asked for is not swept: there is
 /// little to mend, and less to see of it.
 fn laying(settings: &Settings, gauge: Gauge) -> drape::DrapeOptions {
-    let mut options = drape::DrapeOptions::from(settings.placement);
+    let mut options = drape::DrapeOptions {
+        evenness: settings.picture.evenness,
+        ..drape::DrapeOptions::from(settings.placement)
+    };
     if gauge == Gauge::True {
         options.sweeps.get_or_insert(false);
     }
@@ -159,8 +162,9 @@ fn laying(settings: &Settings, gauge: Gauge) -> drape::DrapeOptions {
 }
 
 /// Options of a swatch: it is its own drape, so no strain has to be looked up.
-fn flat_options() -> drape::DrapeOptions {
-    drape::DrapeOptions { mapping: Mapping::Smooth, ..drape::DrapeOptions::default() }
+fn flat_options(settings: &Settings) -> drape::DrapeOptions {
+    let evenness = settings.picture.evenness;
+    drape::DrapeOptions { mapping: Mapping::Smooth, evenness, ..drape::DrapeOptions::default() }
 }
 
 /// The relaxed repeat of a fabric.

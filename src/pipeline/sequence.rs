@@ -116,8 +116,11 @@ pub(super) fn make(
     let usd = usd.collect::<Result<Vec<_>, ExportError>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
-    // Location is the same for all frames, because it only depends on the flat panels.
-    let located = LocatedCloth::locate(job.cloth, &setup.options, &mut |stage, done| {
+    // Location is the same for all frames, because it only depends on the flat panels. Pictures beside
+    // other files show the yarns of these, so their stitches are regular.
+    let is_only_drawn = files.all().iter().all(|(_, format)| *format == Format::Png);
+    let options = if is_only_drawn { &job.options } else { &setup.options };
+    let located = LocatedCloth::locate(job.cloth, options, &mut |stage, done| {
         clock.begin(Task::from(stage), done);
     });
     check_laid(located.totals())?;

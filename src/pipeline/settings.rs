@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 
 use super::stretch::Stretch;
 use crate::drape;
+use crate::drape::evenness::Evenness;
 use crate::drape::strands::Edge;
 use crate::export::glb::GlbOptions;
 use crate::export::npz::NpzOptions;
@@ -119,7 +120,7 @@ impl From<Placement> for drape::DrapeOptions {
     /// Options without surfaces. A run adds them if a file needs them.
     fn from(placement: Placement) -> Self {
         let Placement { mapping, sweeps, edge } = placement;
-        Self { mapping, sweeps, edge, surface: None }
+        Self { mapping, sweeps, edge, ..Self::default() }
     }
 }
 
@@ -152,6 +153,8 @@ pub struct PictureSettings {
     pub texture: Option<PathBuf>,
     /// Number of pictures from all around that replace each picture.
     pub turntable: Option<u32>,
+    /// Whether stitches are copies of each other. Whatever is measured, and files, are regular.
+    pub evenness: Evenness,
     /// The inset that magnifies a place. Swatches, turntables and sequences have none.
     pub loupe: LoupeChoice,
 }
@@ -212,6 +215,7 @@ impl Default for PictureSettings {
             shape: Shape::Tube,
             texture: None,
             turntable: None,
+            evenness: Evenness::Uneven,
             loupe: LoupeChoice::default(),
         }
     }

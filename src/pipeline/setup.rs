@@ -12,6 +12,7 @@ use super::numbers::RealCloth;
 use super::settings::{Settings, Wanted};
 use super::textures::{self, Textures};
 use crate::drape::DrapeOptions;
+use crate::drape::evenness::Evenness;
 use crate::export::{Facts, Format, TextureSet, default_section};
 use crate::knit::clearance::{self, Clearance};
 use crate::knit::links::{self, Links};
@@ -30,7 +31,7 @@ pub(super) struct Setup {
     pub(super) facts: Facts,
     /// The yarns' fibres. `None` if yarns are drawn and written whole.
     pub(super) fibres: Option<Fibres>,
-    /// Options of laying yarns, with surfaces if a file needs them.
+    /// Options of laying the yarns of files, with surfaces if one needs them.
     pub(super) options: DrapeOptions,
     /// Clearance between yarns on the flat fabric.
     pub(super) near: Clearance,
@@ -48,7 +49,8 @@ impl Setup {
         let links = links::measure(job.shown, pattern);
         // Pictures make their own surfaces. Without a file of tubes a run needs none.
         let wants_surface = wanted.iter().any(|(_, format)| format.holds_tubes());
-        let options = DrapeOptions { surface: wants_surface.then_some(section), ..job.options };
+        let surface = wants_surface.then_some(section);
+        let options = DrapeOptions { surface, evenness: Evenness::Regular, ..job.options };
         let textures = Textures::read(job.settings.picture.texture.as_deref(), job.shown)?;
         let textures_in_files = textures_in_files(wanted, job, section.radius, &textures);
         let fibres = Fibres::new(job, wanted, &section)?;
@@ -81,7 +83,8 @@ impl Setup {
     /// The empty scene for the run's yarns.
     pub(super) fn scene(&self, job: &Job<'_>) -> Scene {
         let shape = job.settings.picture.shape;
-        textures::scene(shape, job.shown, self.section.radius, &self.textures)
+        let scene = textures::scene(shape, job.shown, self.section.radius, &self.textures);
+        Scene { evenness: job.options.evenness, ..scene }
     }
 }
 

@@ -97,6 +97,22 @@ fn the_same_cloth_has_the_same_yarns_in_every_format() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn a_garment_may_come_through_a_pipe() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for name in ["blender.glb", "blender.usdc"] {
+        let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
+        command.env("XDG_CACHE_HOME", crate::cache_home()).current_dir(folder);
+        command.args(["drape", "/dev/stdin", "--wales-per-cm", "2", "--quiet", "-o", "yarns.csv"]);
+        command.write_stdin(std::fs::read(file(name)).unwrap()).assert().success();
+        let piped = std::fs::read(folder.join("yarns.csv")).unwrap();
+        yarns(folder, &file(name));
+        assert_eq!(piped, std::fs::read(folder.join("yarns.csv")).unwrap(), "{name}");
+    }
+}
+
 #[test]
 fn a_flat_and_a_draped_file_may_be_of_different_formats_and_frames_too() {
     let folder = tempfile::tempdir().unwrap();

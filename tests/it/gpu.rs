@@ -38,7 +38,7 @@ fn on(
 }
 
 /// Mean FLIP between both renderers' pictures, 512 pixels square, of sixteen samples.
-fn difference(scene: &Scene, camera: &Camera) -> f64 {
+pub(crate) fn difference(scene: &Scene, camera: &Camera) -> f64 {
     let options = RenderOptions {
         width: 512,
         height: 512,

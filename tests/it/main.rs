@@ -18,6 +18,7 @@ mod config;
 mod curves;
 mod drape;
 mod estimates;
+mod evenness;
 mod fabric_maps;
 mod fabrics;
 mod far;

@@ -10,6 +10,9 @@ uniform float radius;
 uniform int sides;
 uniform vec3 lens;                    // middle and radius of the loupe, pixels; 0 where there is none
 
+// How light a place of the cloth is from afar, and how much of the difference between places is left out there.
+const float FAR_OPEN = .62, FAR_SHARE = .8;
+
 in vec3 sight, side, front, along, cloth;
 in float across, height, gone, size, around, phase;
 out vec4 result;
@@ -25,11 +28,12 @@ void main() {
   float facing = dot(c, v) < 0. ? -1. : 1.;
   float depth = (height + radius * dot(n, c) - heights.x) / (heights.y - heights.x);
   if (facing < 0.) depth = 1. - depth;
-  // From afar a pixel shows many yarns: their mean is lit like the cloth.
+  // From afar a pixel shows many yarns: their mean is lit like the cloth, and as open as it is on the whole. Which of
+  // them a pixel's samples meet would make bands that are not there.
   float near = smoothstep(.25, 1.1, size);
   vec3 lit = normalize(mix(facing * c, n, .3 + .7 * near));
 
-  float open = mix(.22, 1., smoothstep(.05, .95, depth));
+  float open = mix(mix(.22, 1., smoothstep(.05, .95, depth)), FAR_OPEN, FAR_SHARE * (1. - near));
   open *= mix(1., .62 + .38 * smoothstep(0., .75, dot(n, v)), near);
   float key = max(0., (dot(lit, lamp) + .18) / 1.18);
   float dome = .5 + .5 * dot(lit, sky);

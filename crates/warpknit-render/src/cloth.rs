@@ -96,6 +96,7 @@ fn add_run<'a>(
     scene.push_stitches(points, within.map(index32), look);
     let added = scene.strands.last_mut().expect("added just now");
     added.yarn = strand.yarn.0;
+    added.first = block.first_along(strand) + i64::from(index32(run.start));
     added
 }
 
@@ -121,10 +122,11 @@ pub fn from_cloth(cloth: &Cloth<'_>, fabric: &Fabric) -> Scene {
     with_cloth(cloth, Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() })
 }
 
-/// Adds a whole cloth to a scene that has a look for each of its bars.
+/// Adds a whole cloth, as even as the scene is, to a scene that has a look for each of its bars.
 #[must_use]
 pub fn with_cloth(cloth: &Cloth<'_>, mut scene: Scene) -> Scene {
-    let Ok(_totals) = run(cloth, &DrapeOptions::default(), &mut |_, _| {}, &mut |blocks| {
+    let options = DrapeOptions { evenness: scene.evenness, ..DrapeOptions::default() };
+    let Ok(_totals) = run(cloth, &options, &mut |_, _| {}, &mut |blocks| {
         blocks.iter().for_each(|block| add_to(&mut scene, block));
         Ok::<(), std::convert::Infallible>(())
     });

@@ -1,6 +1,6 @@
 //! Yarns as chains of short straight pieces (polylines), for all renderers.
 //!
-//! In: a scene and a level of subdivision. Out: [`YarnPaths`], a structure of arrays with 30 bytes
+//! In: a scene and a level of subdivision. Out: [`YarnPaths`], a structure of arrays with 31 bytes
 //! a point. Points lie on the centripetal Catmull-Rom curve (Yuksel, Schaefer and Keyser 2011,
 //! 'Parameterization and applications of Catmull-Rom curves'). Each has the curve's unit tangent
 //! and a direction across it. For tubes that direction belongs to a rotation-minimising frame
@@ -44,6 +44,9 @@ const SHADOW_PIXELS: f64 = 2.0;
 /// defines a ribbon's width. Below it, rounding decides the direction.
 const MIN_SINE: f32 = 1e-3;
 
+/// The shade of a yarn that is as light as its look says.
+pub(super) const PLAIN_SHADE: u8 = 128;
+
 /// Level of subdivision.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Subdivision<'a> {
@@ -77,6 +80,8 @@ pub(super) struct YarnPaths {
     pub(super) along: Vec<f32>,
     /// Indices of the yarns' looks.
     pub(super) looks: Vec<u16>,
+    /// Factors on the yarns' base colours, in units of 1 / [`PLAIN_SHADE`].
+    pub(super) shades: Vec<u8>,
 }
 
 impl YarnPaths {
@@ -102,6 +107,7 @@ impl YarnPaths {
         self.across.extend_from_slice(&other.across);
         self.along.extend_from_slice(&other.along);
         self.looks.extend_from_slice(&other.looks);
+        self.shades.extend_from_slice(&other.shades);
     }
 
     /// Appends one strand, split at points that are not drawable.
@@ -124,6 +130,7 @@ impl YarnPaths {
                 let style = PathStyle {
                     radius,
                     look: strand.look,
+                    shade: shade(scene, strand),
                     shape: scene.shape,
                     lead: (strand.points.start + strand.lead).saturating_sub(start) as usize,
                     coarsest: if strand.is_shadow { f64::from(SHADOW_RADII * radius) } else { 0.0 },
@@ -174,6 +181,7 @@ impl YarnPaths {
 struct PathStyle {
     radius: f32,
     look: u16,
+    shade: u8,
     shape: Shape,
     /// How many of its first points need not be drawn.
     lead: usize,
@@ -188,6 +196,8 @@ struct PointRun {
     points: Vec<DVec3>,
     /// The fabric's normals, for ribbons.
     normals: Vec<Vec3A>,
+    /// Factors on the yarn's radius.
+    thickness: Vec<f32>,
     /// Points at which stitches begin or end, including both ends of the run.
     stitches: Vec<usize>,
 }
@@ -205,10 +215,13 @@ impl PointRun {
                 scene.normals[start..end].iter().map(|normal| Vec3A::from(normal.unpack())),
             );
         }
+        self.thickness.clear();
+        self.thickness.extend(range.map(|point| scene.thickness(strand, point)));
         // A single point gets a copy, so that it is a piece of length 0: a ball.
         if let [only] = self.points[..] {
             self.points.push(only);
             self.normals.extend_from_within(..);
+            self.thickness.extend_from_within(..);
         }
         let last = self.points.len() - 1;
         let starts = &scene.stitches[strand.stitches.start as usize..strand.stitches.end as usize];
@@ -371,22 +384,31 @@ impl PathBuilder<'_> {
             return;
         }
         self.drawn += 1;
+        #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
+        let share = t as f32;
         let across = match self.style.shape {
             Shape::Tube => self.frame.across,
-            Shape::Ribbon => {
-                #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
-                let share = t as f32;
-                self.frame
-                    .ribbon_normal(self.run.normals[index].lerp(self.run.normals[index + 1], share))
-            }
+            Shape::Ribbon => self
+                .frame
+                .ribbon_normal(self.run.normals[index].lerp(self.run.normals[index + 1], share)),
         };
-        self.paths.points.push(position.as_vec3().extend(self.style.radius));
+        let [start, end] = [self.run.thickness[index], self.run.thickness[index + 1]];
+        let radius = self.style.radius * (start + (end - start) * share);
+        self.paths.points.push(position.as_vec3().extend(radius));
         self.paths.tangents.push(PackedUnit::new(self.frame.tangent.into()));
         self.paths.across.push(PackedUnit::new(across.into()));
         #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
         self.paths.along.push(self.along as f32);
         self.paths.looks.push(self.style.look);
+        self.paths.shades.push(self.style.shade);
     }
+}
+
+/// Factor on the base colour of a strand, in units of 1 / [`PLAIN_SHADE`].
+fn shade(scene: &Scene, strand: &SceneStrand) -> u8 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+    let shade = (scene.shade(strand) * f32::from(PLAIN_SHADE)).round() as u8;
+    shade
 }
 
 /// Number of pieces that keep the chord error of `span` below [`CHORD_ERROR`], given the size of a

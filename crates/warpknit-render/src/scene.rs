@@ -13,7 +13,8 @@ use crate::maps::Maps;
 use crate::octahedral::PackedUnit;
 use crate::ply;
 pub use crate::shape::Shape;
-use warpknit_core::ids::index32;
+use warpknit_core::drape::evenness::{self, Evenness};
+use warpknit_core::ids::{YarnId, index32};
 
 /// Largest coordinate that renderers accept, mm: ten kilometres. Beyond it, `f32` has a spacing of
 /// a millimetre, and whole stitches coincide.
@@ -82,6 +83,8 @@ pub struct SceneStrand {
     pub look: u16,
     /// Number of its yarn. It decides where along the yarn plies and textures begin.
     pub yarn: u32,
+    /// Number of its first point, counted along its yarn: where it is thick and thin.
+    pub first: i64,
     /// How many of its first points need not be drawn: they lie out of view, and only tell how the
     /// plies lie that are in view.
     pub lead: u32,
@@ -94,6 +97,8 @@ pub struct SceneStrand {
 pub struct Scene {
     /// Primitive that all yarns are drawn as.
     pub shape: Shape,
+    /// Whether yarns vary in thickness and lightness.
+    pub evenness: Evenness,
     /// Control points of all strands, mm. The yarn passes through each of them (centripetal
     /// Catmull-Rom, [`warpknit_core::yarn::curve`]).
     pub positions: Vec<Vec3>,
@@ -233,7 +238,15 @@ impl Scene {
         let (points, stitches) =
             (start..index32(self.positions.len()), first..index32(self.stitches.len()));
         let yarn = index32(self.strands.len());
-        self.strands.push(SceneStrand { points, stitches, look, yarn, lead: 0, is_shadow: false });
+        self.strands.push(SceneStrand {
+            points,
+            stitches,
+            look,
+            yarn,
+            first: 0,
+            lead: 0,
+            is_shadow: false,
+        });
     }
 
     /// The textures of a look, if it has any.
@@ -316,6 +329,27 @@ impl Scene {
     pub fn radius(&self, strand: &SceneStrand) -> Option<f32> {
         let radius = self.looks[usize::from(strand.look)].radius;
         is_drawable_radius(radius).then_some(radius)
+    }
+
+    /// Factor on a strand's radius at one of its control points.
+    #[must_use]
+    pub fn thickness(&self, strand: &SceneStrand, point: u32) -> f32 {
+        match self.evenness {
+            Evenness::Regular => 1.0,
+            Evenness::Uneven => {
+                let along = strand.first + i64::from(point) - i64::from(strand.points.start);
+                evenness::thickness(YarnId(strand.yarn), along)
+            }
+        }
+    }
+
+    /// Factor on the base colour of a strand.
+    #[must_use]
+    pub fn shade(&self, strand: &SceneStrand) -> f32 {
+        match self.evenness {
+            Evenness::Regular => 1.0,
+            Evenness::Uneven => evenness::shade(YarnId(strand.yarn)),
+        }
     }
 
     /// Bounding box of all yarns, including their radii, or [`Self::extent`]. `None` if nothing is

@@ -204,7 +204,7 @@ Examples:
     /// Time the work on this machine, beside the papers' published times
     #[command(
         after_help = "Times are medians of several runs, with the fastest and the slowest. Published times come from the papers' machines; `times` is the
-published time divided by ours. --brute runs the source paper's own algorithm on this machine, as a fair baseline.
+published time divided by the CPU time here. --brute runs the source paper's own algorithm on this machine, as a fair baseline.
 
 Examples:
   warpknit bench
@@ -617,6 +617,10 @@ pub(crate) struct Drawing {
     /// Draw yarns as tubes, or in pictures as flat ribbons
     #[arg(long, value_enum, default_value = "tube")]
     pub(crate) shape: ShapeArg,
+    /// Draw all stitches alike, of even yarn, as they are measured and as files have them [default:
+    /// pictures show some unevenness]
+    #[arg(long)]
+    pub(crate) regular: bool,
     /// Maps of a yarn: a folder with base_color.png and others, or one image; x runs along the yarn
     #[arg(long, value_name = "DIR|IMAGE")]
     pub(crate) texture: Option<PathBuf>,

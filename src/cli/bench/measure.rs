@@ -9,6 +9,7 @@ use std::ops::{Add, AddAssign};
 use std::time::Instant;
 
 use anyhow::Result;
+use warpknit::drape::evenness::Evenness;
 use warpknit::drape::strands::Edge;
 use warpknit::drape::{self, Block, Cloth, DrapeOptions, Stage, Totals};
 use warpknit::map::Mapping;
@@ -165,8 +166,13 @@ pub(super) fn measured_parts<const N: usize>(
 
 /// Options of the tables that compare with the papers, which know no strains of the repeat. Those
 /// have a table of their own.
-pub(super) const FLAT_YARN: DrapeOptions =
-    DrapeOptions { mapping: Mapping::Smooth, sweeps: None, edge: Edge::Clip, surface: None };
+pub(super) const FLAT_YARN: DrapeOptions = DrapeOptions {
+    mapping: Mapping::Smooth,
+    sweeps: None,
+    edge: Edge::Clip,
+    evenness: Evenness::Regular,
+    surface: None,
+};
 
 /// Number of variants of [`Stage`].
 const STAGES: usize = Stage::Deliver as usize + 1;

@@ -10,7 +10,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use warpknit::drape::{self, Block, Cloth, Totals};
+use warpknit::drape::evenness::Evenness;
+use warpknit::drape::{self, Block, Cloth, DrapeOptions, Totals};
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::garment::{Garment, Panel, read};
 use warpknit::render::cloth;
@@ -38,6 +39,8 @@ pub(super) struct ClothSource {
     cache: Option<PathBuf>,
     /// Tubes or ribbons, as the command line asks.
     shape: Shape,
+    /// Whether stitches are alike.
+    evenness: Evenness,
 }
 
 /// A fabric on the list.
@@ -127,6 +130,7 @@ impl ClothSource {
             placement,
             cache: arguments.laying.cache(),
             shape: shared.drawing.shape.into(),
+            evenness: shared.drawing.evenness(),
         })
     }
 
@@ -203,8 +207,11 @@ impl ClothSource {
     ) -> Result<Option<KnittedScene>> {
         check_room(cloth.stitches())?;
         let cache = self.cache(cloth, recipe);
-        let mut scene =
-            pipeline::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
+        let textures = &self.choices[recipe.fabric].textures;
+        let mut scene = Scene {
+            evenness: self.evenness,
+            ..pipeline::scene(recipe.shape, fabric, radius, textures)
+        };
         let totals = {
             let clock = RefCell::new(&mut clock);
             let mut announce = |stage, done| clock.borrow_mut().begin(Task::from(stage), done);
@@ -212,7 +219,8 @@ impl ClothSource {
                 blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
                 if superseded() { Err(Superseded) } else { Ok(()) }
             };
-            drape::run(cloth, &self.placement.into(), &mut announce, &mut deliver)
+            let options = DrapeOptions { evenness: self.evenness, ..self.placement.into() };
+            drape::run(cloth, &options, &mut announce, &mut deliver)
         };
         clock.stop();
         let Ok(totals) = totals else { return Ok(None) };

@@ -5,14 +5,17 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
+use super::DrapeOptions;
 use super::body::Body;
 use super::cloth::{BlockPlan, Cloth};
-use super::strands::{Edge, Strands};
+use super::evenness::{self, Evenness};
+use super::strands::{CUT, Edge, Strand, Strands};
 #[cfg(doc)]
 use crate::garment::Garment;
-use crate::ids::YarnId;
+use crate::ids::{YarnId, index32};
+use crate::knit::mesh::StructureMesh;
 use crate::knit::{Knitted, YarnCopy};
 use crate::locate::{Locator, SurfacePoint};
 use crate::map::Draped;
@@ -78,15 +81,15 @@ impl Block {
         plan: &BlockPlan,
         locator: &Locator<'_>,
         body: &Body<'_>,
-        edge: Edge,
+        options: &DrapeOptions,
     ) {
-        self.knit(cloth, plan);
-        self.locate(locator, edge);
+        self.knit(cloth, plan, options.evenness);
+        self.locate(locator, options.edge);
         self.map(body);
     }
 
     /// Computes the flat data points of the planned yarns.
-    pub(super) fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan) {
+    pub(super) fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan, evenness: Evenness) {
         (self.panel, self.bar, self.is_beside) = (plan.panel, plan.bar, plan.is_beside);
         self.origin = cloth.garment.summary.origin;
         self.knitted.clear();
@@ -102,6 +105,30 @@ impl Block {
                 copy,
             }));
         }
+        if evenness == Evenness::Uneven {
+            self.displace(&cloth.meshes[plan.panel]);
+        }
+    }
+
+    /// Moves the flat data points as the cloth's unevenness moves them.
+    fn displace(&mut self, mesh: &StructureMesh) {
+        let stitch = DVec2::new(mesh.wale_spacing, mesh.course_spacing);
+        for point in &mut self.knitted.points {
+            let place = (point.truncate() - mesh.origin) / stitch;
+            *point += (evenness::shift(self.panel, place) * stitch).extend(0.0);
+        }
+    }
+
+    /// The number of a strand's first point, counted along its yarn from a place that is the same
+    /// however much of the yarn was planned.
+    #[must_use]
+    pub fn first_along(&self, strand: &Strand) -> i64 {
+        let at = self.yarns.binary_search_by_key(&strand.yarn, |yarn| yarn.id);
+        let yarn = &self.yarns[at.expect("a strand is a part of one of the block's yarns")];
+        let [first, second] = [0, 1].map(|next| self.strands.sources[strand.range().start + next]);
+        // A cut end counts as the data point before the second.
+        let source = if first == CUT { i64::from(second) - 1 } else { i64::from(first) };
+        yarn.copy.first + source - i64::from(index32(self.points_of(&yarn.stitches).start))
     }
 
     /// Locates the data points on the panel and clips the yarns at its edge.

@@ -19,6 +19,7 @@ mod block;
 mod body;
 pub mod clearance;
 mod cloth;
+pub mod evenness;
 pub mod fibres;
 mod lengths;
 pub mod seen;
@@ -37,6 +38,7 @@ use crate::yarn::tube::{Section, Tubes};
 pub use block::Block;
 use body::Body;
 pub use cloth::{Cloth, LayoutError, MAX_SWEPT_STITCHES, swatch_panel};
+use evenness::Evenness;
 use strands::{Edge, Losses};
 
 /// Blocks in the window for each thread. With 1, a thread that finishes early waits at the end of
@@ -60,6 +62,8 @@ pub struct DrapeOptions {
     /// Whether yarns that cut each other on the body are moved apart, with [`Mapping::Relaxed`].
     /// `None`: up to [`MAX_SWEPT_STITCHES`].
     pub sweeps: Option<bool>,
+    /// Whether stitches are copies of each other.
+    pub evenness: Evenness,
     /// The section of tubes, if they are wanted. Its radius is that of the thickest bar.
     pub surface: Option<Section>,
 }
@@ -192,7 +196,10 @@ fn knit_and_locate<E>(
         blocks.resize_with(blocks.len().max(fitting), Block::default);
         let blocks = &mut blocks[..fitting];
         announce(Stage::Knit, done);
-        blocks.par_iter_mut().zip(plans).for_each(|(block, plan)| block.knit(cloth, plan));
+        blocks
+            .par_iter_mut()
+            .zip(plans)
+            .for_each(|(block, plan)| block.knit(cloth, plan, options.evenness));
         announce(Stage::Locate, done);
         blocks.par_iter_mut().for_each(|block| block.locate(&locators[block.panel], options.edge));
         let own = blocks.iter().filter(|block| !block.is_beside);

@@ -17,6 +17,7 @@ use super::dimensions::Dimensions;
 use super::motif::Motif;
 use super::threading::Threading;
 use super::yarn::Yarn;
+use crate::ids::index32;
 
 /// How the yarns of a cloth are arranged.
 ///
@@ -126,6 +127,17 @@ impl Structure {
             Self::Warp(knit) => knit.bars.len(),
             Self::Weft(knit) => knit.feeders.len(),
             Self::Laid(cloth) => cloth.strands.len(),
+        }
+    }
+
+    /// Stitches for each wale and course: one for each system whose guides are all threaded, a half
+    /// for one that is half-set.
+    #[must_use]
+    pub fn stitches_per_cell(&self) -> f64 {
+        match self {
+            Self::Warp(knit) => knit.bars.iter().map(|bar| bar.threading.share()).sum(),
+            Self::Weft(knit) => knit.feeders.iter().map(|feeder| feeder.courses.share()).sum(),
+            Self::Laid(cloth) => f64::from(index32(cloth.strands.len())),
         }
     }
 

@@ -7,6 +7,8 @@
 use std::fmt;
 use std::ops::Range;
 
+use crate::ids::index32;
+
 /// Which guides of a bar carry a yarn, repeated across; for wefts and feeders, which courses get
 /// one.
 ///
@@ -61,6 +63,13 @@ impl Threading {
         // Guide k becomes guide -k: the first mark stays, the others run backward.
         let (first, others) = self.0.split_first().expect("a threading has a mark");
         Self(std::iter::once(*first).chain(others.iter().rev().copied()).collect())
+    }
+
+    /// Share of the guides that carry a yarn.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        let threaded = self.0.iter().filter(|carries| **carries).count();
+        f64::from(index32(threaded)) / f64::from(index32(self.0.len()))
     }
 
     /// Guides in one repeat.

@@ -41,10 +41,10 @@ pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
     mesh.map_err(wrong)
 }
 
-/// The sewing pattern that a file holds, if it is one of GarmentCode.
+/// The sewing pattern that a file holds, if it is one of GarmentCode. One from a pipe is not found.
 pub(super) fn pattern(path: &Path) -> Result<Option<Pattern>, GarmentError> {
     let mut input = open(path)?;
-    if Kind::of(input.fill_buf().unwrap_or_default()) != Kind::Json {
+    if is_pipe(path) || Kind::of(input.fill_buf().unwrap_or_default()) != Kind::Json {
         return Ok(None);
     }
     // What is wrong with a JSON of another kind, its own reader says.
@@ -53,10 +53,12 @@ pub(super) fn pattern(path: &Path) -> Result<Option<Pattern>, GarmentError> {
 }
 
 /// The frames that a file holds: a USD file whose mesh moves as `NAME@TIME` for each of its times, and
-/// any other file as itself. A file that can't be read is itself too: reading it tells why.
+/// any other file as itself. A file that can't be read is itself too: reading it tells why. So is a
+/// pipe, which can be read once only.
 #[must_use]
 pub fn moments(path: &Path) -> Vec<PathBuf> {
     let times = || {
+        (!is_pipe(path)).then_some(())?;
         let mut input = open(path).ok()?;
         (Kind::of(input.fill_buf().ok()?) == Kind::Usd).then_some(())?;
         usd::times(&whole(input, path).ok()?).ok()
@@ -87,6 +89,11 @@ fn split(path: &Path) -> (PathBuf, Option<f64>) {
         Some((name, time)) => (name.into(), Some(time)),
         None => (path.to_path_buf(), None),
     }
+}
+
+/// Whether a path is a pipe or another thing that can't be read twice.
+fn is_pipe(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|kind| !kind.is_file())
 }
 
 /// All bytes of a file.

@@ -44,12 +44,24 @@ impl Kind {
             // No record of OBJ begins so.
             [b'{', ..] | [0xEF, 0xBB, 0xBF, b'{', ..] => Self::Json,
             [b'p', b'l', b'y', b'\r' | b'\n', ..] => Self::Ply,
-            _ => {
-                let other = OTHERS.iter().find(|(magic, _)| first.starts_with(magic));
-                other.map_or(Self::Obj, |(_, name)| Self::Other(name))
-            }
+            _ => match OTHERS.iter().find(|(magic, _)| first.starts_with(magic)) {
+                Some((_, name)) => Self::Other(name),
+                None if is_binary(first) => {
+                    Self::Other("a binary file of a kind that is not known")
+                }
+                None => Self::Obj,
+            },
         }
     }
+}
+
+/// Whether a file that begins so is no text: among its first bytes are several that no text has. UTF-16
+/// has zeros among its letters, and the reader of OBJ says so.
+fn is_binary(first: &[u8]) -> bool {
+    const LOOKED_AT: usize = 512;
+    const FEW: usize = 4;
+    let is_control = |byte: &u8| matches!(byte, 1..=8 | 14..=26 | 28..=31);
+    first.iter().take(LOOKED_AT).filter(|byte| is_control(byte)).count() > FEW
 }
 
 #[cfg(test)]
@@ -64,6 +76,10 @@ mod tests {
         assert_eq!(Kind::of(b"{\"asset\":{}}"), Kind::Json);
         assert_eq!(Kind::of(b"#usda 1.0\n"), Kind::Usd);
         assert_eq!(Kind::of(b"PXR-USDC\0\x08"), Kind::Usd);
+        let noise: Vec<u8> = (0..=255_u8).map(|byte| byte.wrapping_mul(157) ^ 0x5a).collect();
+        assert!(matches!(Kind::of(&noise), Kind::Other(_)));
+        let utf16: Vec<u8> = "v 1 2 3\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        assert_eq!(Kind::of(&utf16), Kind::Obj);
         for obj in [&b"# made by\nv 0 0 0"[..], b"", b"plyv", b"v 1 2 3"] {
             assert_eq!(Kind::of(obj), Kind::Obj);
         }

@@ -13,7 +13,7 @@ use std::ops::RangeInclusive;
 use glam::{DVec2, DVec3, Quat, Vec3, Vec3A};
 
 use crate::octahedral::PackedUnit;
-use crate::paths::{TangentFrame, YarnPaths, pieces};
+use crate::paths::{PLAIN_SHADE, TangentFrame, YarnPaths, pieces};
 use warpknit_core::number::narrow;
 use warpknit_core::yarn::curve;
 
@@ -136,6 +136,7 @@ impl YarnPaths {
         self.across.push(PackedUnit::new(point.across.into()));
         self.along.push(narrow(before + point.along));
         self.looks.push(copies.look);
+        self.shades.push(PLAIN_SHADE);
     }
 }
 

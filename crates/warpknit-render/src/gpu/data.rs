@@ -62,8 +62,14 @@ pub(super) struct Chunk {
     pub(super) first: u32,
     pub(super) count: u32,
     pub(super) look: u32,
-    pub(super) spare: u32,
+    /// How far its yarn is from even: four bytes, of which each over 127 is a share of
+    /// [`MOST_UNEVEN`]. Thickness at its start and at its end, then lightness.
+    pub(super) unevenness: u32,
 }
+
+/// Largest difference from 1 of the factors on a yarn's radius and on its base colour:
+/// `MOST_UNEVEN` of `shaders/yarn.wgsl`.
+pub(super) const MOST_UNEVEN: f32 = 0.25;
 
 /// `Draw` of `shaders/yarn.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -148,7 +154,7 @@ mod tests {
                 interior, corner_y, sun_bias, layer, spare),
             layout!(LookData: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope,
                 repeat, sheen, spare),
-            layout!(Chunk: first, count, look, spare),
+            layout!(Chunk: first, count, look, unevenness),
             layout!(Draw: first, stride, edges, spare),
             layout!(Blur: step, reach, sigma, near, far, perspective, layer),
             layout!(Tone: background, exposure, scale, spare),
@@ -163,7 +169,11 @@ mod tests {
     #[test]
     fn a_chunk_is_as_long_as_the_shader_says() {
         let yarn = shaders::ALL.iter().find(|(name, _)| *name == "yarn").unwrap().1;
-        for line in [format!("const STEPS = {STEPS}u;"), format!("const PARTS = {PARTS}u;")] {
+        for line in [
+            format!("const STEPS = {STEPS}u;"),
+            format!("const PARTS = {PARTS}u;"),
+            format!("const MOST_UNEVEN = {MOST_UNEVEN};"),
+        ] {
             assert!(yarn.contains(&line), "{line}");
         }
     }

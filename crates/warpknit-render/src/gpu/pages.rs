@@ -13,8 +13,8 @@ use super::data::{self, CHUNK};
 use super::device::Gpu;
 use crate::GpuError;
 use crate::octahedral::PackedUnit;
-use crate::paths::{Subdivision, YarnPaths};
-use crate::scene::Scene;
+use crate::paths::{PLAIN_SHADE, Subdivision, YarnPaths};
+use crate::scene::{Scene, YarnLook};
 use warpknit_core::ids::index32;
 
 /// Strands that a task subdivides at a time.
@@ -52,6 +52,20 @@ struct Draft {
     chunk_bounds: Vec<ChunkBounds>,
 }
 
+/// A chunk's [`data::Chunk::unevenness`], from the radii at its start and end, the even radius, and
+/// its shade in units of 1 / [`PLAIN_SHADE`]. A strand's last radius is 0, since no piece starts there.
+fn unevenness([start, end]: [f32; 2], even: f32, shade: u8) -> u32 {
+    let end = if end > 0.0 { end } else { start };
+    let lightness = f32::from(shade) / f32::from(PLAIN_SHADE);
+    let bytes = [start / even, end / even, lightness].map(|factor| {
+        let share = ((factor - 1.0) / data::MOST_UNEVEN).clamp(-1.0, 1.0);
+        #[expect(clippy::cast_possible_truncation, reason = "between -127 and 127")]
+        let byte = (127.0 * share).round() as i8;
+        byte.to_le_bytes()[0]
+    });
+    u32::from_le_bytes([bytes[0], bytes[1], bytes[2], 0])
+}
+
 /// Uploads all strands of `scene` with `st` pieces a stitch, relative to `centre`.
 pub(super) fn upload(
     gpu: &Gpu,
@@ -82,7 +96,7 @@ pub(super) fn upload(
                 if draft.points.len() + pieces as usize >= room {
                     pages.push(std::mem::take(&mut draft).finish(gpu)?);
                 }
-                draft.push(paths, start, pieces);
+                draft.push(&scene.looks, paths, start, pieces);
             }
         }
     }
@@ -114,7 +128,7 @@ fn runs(paths: &YarnPaths) -> Vec<(usize, u32)> {
 
 impl Draft {
     /// Adds a chunk. Consecutive chunks share a point, and each stores it.
-    fn push(&mut self, paths: &YarnPaths, start: usize, pieces: u32) {
+    fn push(&mut self, looks: &[YarnLook], paths: &YarnPaths, start: usize, pieces: u32) {
         let range = start..=start + pieces as usize;
         let first = index32(self.points.len());
         let (points, along) = (&paths.points[range.clone()], &paths.along[range.clone()]);
@@ -124,18 +138,21 @@ impl Draft {
         let tangent_frames = paths.tangents[range.clone()].iter().zip(&paths.across[range]);
         self.tangent_frames.extend(tangent_frames.map(|(&tangent, &across)| [tangent, across]));
         let look = paths.looks[start];
-        self.chunks.push(data::Chunk { first, count: pieces, look: u32::from(look), spare: 0 });
+        let radii = [points[0].w, points[pieces as usize].w];
+        let unevenness = unevenness(radii, looks[usize::from(look)].radius, paths.shades[start]);
+        self.chunks.push(data::Chunk { first, count: pieces, look: u32::from(look), unevenness });
         // The ball around the bounding box: looser than the smallest ball, but computed in one
         // pass.
         let low = points.iter().fold(Vec3::INFINITY, |low, point| low.min(point.truncate()));
         let high = points.iter().fold(Vec3::NEG_INFINITY, |high, point| high.max(point.truncate()));
+        let thickest = points.iter().map(|point| point.w).fold(0.0, f32::max);
         let length = points
             .windows(2)
             .map(|ends| ends[0].truncate().distance(ends[1].truncate()))
             .sum::<f32>();
         #[expect(clippy::cast_precision_loss, reason = "256 at most")]
         let piece = length / pieces as f32;
-        let (centre, reach) = (low.midpoint(high), low.distance(high) / 2.0 + points[0].w);
+        let (centre, reach) = (low.midpoint(high), low.distance(high) / 2.0 + thickest);
         self.chunk_bounds.push(ChunkBounds { centre, reach, piece, pieces, look });
     }
 

@@ -5,7 +5,7 @@
 //! an error.
 
 use std::borrow::Cow;
-use std::path::Path;
+use std::path::{Component, Path};
 
 use super::super::json::Json;
 use super::missing;
@@ -50,12 +50,15 @@ impl<'a> Buffers<'a> {
         let count = accessor.index("count")?;
         let view = self.root.list("bufferViews").get(accessor.index("bufferView")?)?;
         let bytes = self.bytes.get(view.index("buffer")?)?;
-        let offset = |of: &Json| of.index("byteOffset").unwrap_or(0);
-        let start = offset(view);
+        // What is missing has its default; what is there has to be an index.
+        let or = |of: &Json, key: &str, default: usize| {
+            if of.get(key).is_some() { of.index(key) } else { Some(default) }
+        };
+        let start = or(view, "byteOffset", 0)?;
         let bytes = bytes.get(start..start.checked_add(view.index("byteLength")?)?)?;
-        let bytes = bytes.get(offset(accessor)..)?;
+        let bytes = bytes.get(or(accessor, "byteOffset", 0)?..)?;
         let own = width * kind.bytes();
-        let stride = view.index("byteStride").unwrap_or(own);
+        let stride = or(view, "byteStride", own)?;
         // No count makes more memory than the file has: each element takes a byte at least.
         if stride < own || count == 0 {
             return (count == 0).then(Vec::new);
@@ -111,6 +114,11 @@ fn bytes_of<'a>(
     let Some(name) = name else {
         return Err(format!("its buffer {number} isn't a file beside it: export it as .glb"));
     };
+    // A garment from elsewhere must not show what else this machine holds.
+    let is_inside = |part| matches!(part, Component::Normal(_) | Component::CurDir);
+    if !Path::new(&name).components().all(is_inside) {
+        return Err(format!("its buffer {name:?} lies outside its folder: put it beside the file"));
+    }
     let beside = path.with_file_name(&name);
     std::fs::read(&beside).map(Cow::Owned).map_err(|reason| {
         format!("its buffer {name:?} cannot be read ({reason}): put it beside, or export .glb")

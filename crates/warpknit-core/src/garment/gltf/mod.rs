@@ -126,7 +126,12 @@ impl Scene<'_> {
     fn node(&mut self, number: usize, parent: DAffine3, depth: usize) -> Result<(), String> {
         let root = self.root;
         let node = root.list("nodes").get(number).ok_or_else(|| missing("node", number))?;
-        if std::mem::replace(&mut self.is_read[number], true) || depth > DEEPEST {
+        if depth > DEEPEST {
+            return Err(format!(
+                "its node {number} lies deeper than {DEEPEST} nodes in each other"
+            ));
+        }
+        if std::mem::replace(&mut self.is_read[number], true) {
             return Err(format!("its node {number} has two parents or contains itself"));
         }
         let scene_from_node = parent * transform(node, number)?;
@@ -355,6 +360,7 @@ mod tests {
             ("\"count\":6", "\"count\":5", "no triangles"),
             ("\"byteLength\":48", "\"byteLength\":9007199254740991", "accessor 0"),
             ("\"byteStride\":4", "\"byteStride\":1", "accessor 1"),
+            ("\"byteStride\":4", "\"byteStride\":-4", "accessor 1"),
             ("\"VEC3\"", "\"VEC4\"", "accessor 0"),
             ("\"children\":[1]", "\"children\":[0]", "node 0"),
             ("\"children\":[1]", "\"children\":[7]", "node 7"),
@@ -375,7 +381,9 @@ mod tests {
         let mut far = body();
         far[69] = 200;
         assert!(parse_binary(&binary(&whole, &far), Path::new("a.glb")).is_err());
-        for address in ["http://a/b.bin", "data:;base64,*", "none.bin", "%zz"] {
+        for address in
+            ["http://a/b.bin", "data:;base64,*", "none.bin", "%zz", "../none.bin", "/etc/passwd"]
+        {
             let text = square(&format!(r#","uri":"{address}""#));
             assert!(parse_text(text.as_bytes(), Path::new("a.gltf")).is_err(), "{address}");
         }

@@ -190,6 +190,7 @@ impl<'a> RayTracer<'a> {
             None => (self.untextured_surface(look, &point, toward_eye, footprint), 1.0),
         };
         surface.normal = ply::face_eye(surface.normal, toward_eye);
+        surface.albedo *= self.bvh.segments.shade(hit.start);
         surface.sheen = lit::yarn_sheen(look, point.tangent);
         SurfaceHit {
             start: hit.start,

@@ -14,7 +14,7 @@ use super::ray::{Hit, SceneRay};
 use super::strip::{Crossing, RibbonStrip};
 use crate::cpu::lit::ShadingPoint;
 use crate::cpu::sample::unit;
-use crate::paths::{Subdivision, YarnPaths};
+use crate::paths::{PLAIN_SHADE, Subdivision, YarnPaths};
 use crate::ply::hash;
 use crate::scene::{Bounds, Scene, Shape};
 use crate::{Camera, RenderOptions};
@@ -184,6 +184,11 @@ impl<'a> Segments<'a> {
     /// Look of the segment that starts at point `start`.
     pub(super) fn look(&self, start: u32) -> u16 {
         self.paths.looks[start as usize]
+    }
+
+    /// Factor on the base colour of the segment's yarn.
+    pub(super) fn shade(&self, start: u32) -> f32 {
+        f32::from(self.paths.shades[start as usize]) / f32::from(PLAIN_SHADE)
     }
 
     /// Arc length at fraction `s` of the segment that starts at point `start`.

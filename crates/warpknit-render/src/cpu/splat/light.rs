@@ -68,6 +68,10 @@ struct Spread {
 struct Section<'a> {
     look: &'a YarnLook,
     maps: Option<&'a Maps>,
+    /// Factor on its base colour.
+    shade: f32,
+    /// Radius there, mm.
+    radius: f32,
     axis: Vec3,
     tangent: Vec3,
     toward_eye: Vec3,
@@ -89,7 +93,7 @@ impl Section<'_> {
         let (mut surface, occlusion) = match self.maps {
             Some(maps) => {
                 let point = ShadingPoint {
-                    position: self.axis + outward * self.look.radius,
+                    position: self.axis + outward * self.radius,
                     normal: outward,
                     tangent: self.tangent,
                     top: outward.cross(self.tangent),
@@ -108,6 +112,7 @@ impl Section<'_> {
             }
         };
         surface.normal = ply::face_eye(surface.normal, self.toward_eye);
+        surface.albedo *= self.shade;
         surface.sheen = lit::yarn_sheen(self.look, self.tangent);
         (surface, outward, occlusion)
     }
@@ -145,6 +150,8 @@ impl Lights {
         let section = Section {
             look,
             maps: scene.maps_of(look),
+            shade: scene.shade(&scene.strands[strand]),
+            radius: piece.radius,
             axis,
             tangent,
             toward_eye,
@@ -218,7 +225,7 @@ impl Lights {
         if cosine <= 0.0 || outward.dot(toward) <= 0.0 {
             return Vec3::ZERO;
         }
-        let radius = section.look.radius;
+        let radius = section.radius;
         let lit = self.fit.sunshine()
             * self.shadows.lit_share(section.axis + outward * radius, radius, &self.suns);
         if lit <= 0.0 {
@@ -235,7 +242,7 @@ impl Lights {
             return Vec3::ZERO;
         }
         // The shadow of the brightest line stands for that of the whole highlight.
-        let radius = section.look.radius;
+        let radius = section.radius;
         let brightest = section.axis + sheen.highlight_normal(toward, eye) * radius;
         let lit = self.fit.sunshine() * self.shadows.lit_share(brightest, radius, &self.suns);
         surface.sheen_color() * self.rig.sun() * (sheen.mean_over_width(toward, eye) * lit)

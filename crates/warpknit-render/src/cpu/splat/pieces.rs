@@ -76,7 +76,9 @@ impl<'a> SplatPieces<'a> {
         self.parts().into_par_iter().for_each(|(strand, points)| {
             let strand = &self.scene.strands[strand];
             if let Some(radius) = self.scene.radius(strand) {
-                self.walk(strand, points, &place, |_, ends| draw(ends, radius));
+                self.walk(strand, points, &place, |number, ends| {
+                    draw(ends, radius * self.scene.thickness(strand, number));
+                });
             }
         });
     }
@@ -93,7 +95,9 @@ impl<'a> SplatPieces<'a> {
         let strand = &self.scene.strands[self.strand_of(first)];
         let Some(radius) = self.scene.radius(strand) else { return };
         let points = first..strand.points.end.min(first.saturating_add(BLOCK));
-        self.walk(strand, points, place, |number, ends| draw(number, ends, radius));
+        self.walk(strand, points, place, |number, ends| {
+            draw(number, ends, radius * self.scene.thickness(strand, number));
+        });
     }
 
     /// Calls `draw` with the number and the projected ends of each piece that starts among these
@@ -136,7 +140,8 @@ impl<'a> SplatPieces<'a> {
         let strand = &self.scene.strands[strand];
         let start = self.joint(first, &strand.points)?;
         let ends = [start, self.joint(first + 1, &strand.points).unwrap_or(start)];
-        Some(SplatPiece { ends, radius: self.scene.radius(strand)? })
+        let radius = self.scene.radius(strand)? * self.scene.thickness(strand, first);
+        Some(SplatPiece { ends, radius })
     }
 
     /// The strand of a data point.
