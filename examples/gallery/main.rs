@@ -11,11 +11,12 @@ mod picture;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use warpknit::drape::evenness::Evenness;
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::photo::yarn::read_maps;
 use warpknit::render::View;
-use warpknit::render::cloth::{looks, swatch, with_cloth};
+use warpknit::render::cloth::{looks, with_cloth};
 use warpknit::render::scene::{Scene, Shape};
 
 use crate::picture::Frame;
@@ -39,7 +40,11 @@ fn main() -> Result<()> {
 fn draw(folder: &Path, fabric: &Fabric) -> Result<()> {
     let frame = Frame::new(fabric);
     let (wales, courses) = frame.swatch(fabric);
-    both_sides(folder, &fabric.name, &frame, &swatch(fabric, wales, courses))
+    let panel = swatch_panel(fabric, wales, courses);
+    let cloth = Cloth::swatch(&panel, fabric, wales, courses);
+    let looks = looks(fabric, fabric.radius());
+    let scene = with_cloth(&cloth, Scene { looks, evenness: Evenness::Uneven, ..Scene::default() });
+    both_sides(folder, &fabric.name, &frame, &scene)
 }
 
 /// Draws the same cloth of the same yarn as tubes and as ribbons, enlarged so that the fuzz shows.

@@ -254,7 +254,8 @@ mod tests {
             let planned = Cloth::cover(&garment, &fabric).unwrap().stitches();
             #[expect(clippy::cast_precision_loss, reason = "some hundred thousand")]
             let ratio = planned as f64 / stitches_on(&fabric, 200.0 * 300.0);
-            assert!((0.95..1.1).contains(&ratio), "{name}: {ratio}");
+            // Yarns that only touch the edges are planned too, most of them by a cable's wide motif.
+            assert!((0.95..1.25).contains(&ratio), "{name}: {ratio}");
         }
     }
 
