@@ -17,6 +17,8 @@ use std::sync::LazyLock;
 use glam::DVec2;
 
 use crate::ids::YarnId;
+use crate::number::{float, narrow};
+use crate::yarn::fibres::mixed;
 
 /// Whether stitches are copies of each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -90,9 +92,7 @@ pub fn thickness(yarn: YarnId, point: i64) -> f32 {
 /// Factor on a yarn's base colour.
 #[must_use]
 pub fn shade(yarn: YarnId) -> f32 {
-    #[expect(clippy::cast_possible_truncation, reason = "a factor about 1")]
-    let shade = uniform(hash(0x5ade, yarn.0.into())) as f32;
-    1.0 + SHADE * shade
+    1.0 + SHADE * narrow(uniform(hash(0x5ade, yarn.0.into())))
 }
 
 /// The displacements of all wales and courses, course by course.
@@ -103,9 +103,7 @@ fn field() -> Vec<[f32; 2]> {
             let seed = (axis * octaves.len() + number) as u64;
             for (at, shift) in all.iter_mut().enumerate() {
                 let noise = noise([at % SIDE, at / SIDE], cell, [SIDE; 2], seed);
-                #[expect(clippy::cast_possible_truncation, reason = "a fraction of a wale")]
-                let added = (amplitude * noise) as f32;
-                shift[axis] += added;
+                shift[axis] += narrow(amplitude * noise);
             }
         }
     }
@@ -114,14 +112,11 @@ fn field() -> Vec<[f32; 2]> {
 
 /// The factors on the radius along an endless yarn.
 fn spectrum() -> Vec<f32> {
-    #[expect(clippy::cast_precision_loss, reason = "a handful")]
-    let each = THICKNESS / OCTAVES.len() as f32;
+    let each = THICKNESS / float(OCTAVES.len());
     let at = |point| {
         let octaves = OCTAVES.iter().zip(0x1f..);
         let noise = octaves.map(|(&cell, seed)| noise([point, 0], [cell, 1], [LENGTH, 1], seed));
-        #[expect(clippy::cast_possible_truncation, reason = "some units at most")]
-        let sum = noise.sum::<f64>() as f32;
-        1.0 + each * sum
+        1.0 + each * narrow(noise.sum())
     };
     (0..LENGTH).map(at).collect()
 }
@@ -152,12 +147,10 @@ fn uniform(hash: u64) -> f64 {
     2.0 * share - 1.0
 }
 
-/// The splitmix64 finaliser (Steele, Lea and Flood 2014) of a number and a seed.
+/// A hash of a number, another one for each seed.
 fn hash(seed: u64, number: u64) -> u64 {
-    let mut bits = number.wrapping_add(seed.wrapping_mul(0xD1B5_4A32_D192_ED03));
-    bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    bits ^ (bits >> 31)
+    // An odd constant spreads neighbouring seeds over all 64 bits.
+    mixed(number.wrapping_add(seed.wrapping_mul(0xD1B5_4A32_D192_ED03)))
 }
 
 #[cfg(test)]

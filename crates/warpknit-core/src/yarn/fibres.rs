@@ -215,14 +215,20 @@ impl SplitMix64 {
 
     /// The next number, uniform in 0..=1.
     fn next_unit(&mut self) -> f64 {
-        // The increment and the two multipliers are those of the published generator.
+        // The increment is that of the published generator.
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut bits = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         #[expect(clippy::cast_precision_loss, reason = "32 bits are enough to spread fibres")]
-        let unit = ((bits ^ (bits >> 31)) >> 32) as f64 / f64::from(u32::MAX);
+        let unit = (mixed(self.0) >> 32) as f64 / f64::from(u32::MAX);
         unit
     }
+}
+
+/// Spreads the bits of a number over all 64: the last step of splitmix64, with the two multipliers of
+/// the published generator.
+pub(crate) fn mixed(bits: u64) -> u64 {
+    let bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    bits ^ (bits >> 31)
 }
 
 #[cfg(test)]
