@@ -3,8 +3,12 @@
 //! All coordinates here are multiples of 2^-20 mm, so they are integers after scaling and their
 //! cross products fit 128 bits.
 
+use std::sync::mpsc;
+use std::time::Duration;
+
 use glam::{DAffine3, DVec2, DVec3};
 use proptest::prelude::*;
+use rayon::prelude::*;
 use warpknit::garment::Panel;
 use warpknit::ids::FaceId;
 use warpknit::locate::Locator;
@@ -190,5 +194,31 @@ proptest! {
         prop_assume!(panel.triangles.iter().all(|t| area(t) > 0.0));
         let points = points(&panel, 5.0 * f64::from(across), 60, &mut random);
         prop_assert_eq!(differences(&panel, &points), 0);
+    }
+}
+
+#[test]
+fn many_threads_that_begin_at_once_never_wait_for_each_other() {
+    let panel = grid(300, 1.0, 0.0, &mut Random(9));
+    // Every fourth row ends on the border, where only a search can tell.
+    let row = |y: u32| -> Vec<DVec3> {
+        let inside = (0..2000).map(|x| DVec3::new(1.5 + f64::from(x % 290), f64::from(y), 0.0));
+        let border = (y % 4 == 0).then_some(DVec3::new(f64::from(y), 0.0, 0.0));
+        inside.chain(border).collect()
+    };
+    let (sender, counts) = mpsc::channel();
+    // Threads that wait for ever can't be joined: they end with the tests.
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(64).build().unwrap();
+        for _ in 0..4 {
+            let locator = Locator::new(&panel);
+            let found = |y| locator.locate(&row(y)).into_iter().flatten().count();
+            sender.send(pool.install(|| (0..256).into_par_iter().map(found).sum::<usize>()))?;
+        }
+        Ok::<(), mpsc::SendError<usize>>(())
+    });
+    for _ in 0..4 {
+        let found = counts.recv_timeout(Duration::from_secs(300)).expect("threads wait for ever");
+        assert_eq!(found, 256 * 2000 + 64);
     }
 }

@@ -104,7 +104,7 @@ const BACK: [&str; 4] = ["1-0/0-1", "1-0/1-2", "1-0/2-3", "1-0/3-4"];
 /// The built-in warp knits, and the two-bar cloths of pillar, tricot, cord and satin in both senses.
 pub(super) fn warp_knits() -> &'static [Candidate] {
     static CATALOGUE: OnceLock<Vec<Candidate>> = OnceLock::new();
-    CATALOGUE.get_or_init(|| {
+    kept(&CATALOGUE, || {
         let mut fabrics = built_in(|fabric| fabric.warp_knit().is_some());
         fabrics.extend(grid());
         let all: Vec<Candidate> = fabrics
@@ -117,13 +117,13 @@ pub(super) fn warp_knits() -> &'static [Candidate] {
                 }
             })
             .collect();
-        let mut kept: Vec<Candidate> = Vec::new();
+        let mut different: Vec<Candidate> = Vec::new();
         for candidate in all {
-            if !kept.iter().any(|other| other.key == candidate.key) {
-                kept.push(candidate);
+            if !different.iter().any(|other| other.key == candidate.key) {
+                different.push(candidate);
             }
         }
-        kept
+        different
     })
 }
 
@@ -134,7 +134,7 @@ const CHARTS: [(&str, &str); 5] =
 /// The weft knits. They are relaxed: their drafts would not interlock.
 pub(super) fn weft_knits() -> &'static [Candidate] {
     static CATALOGUE: OnceLock<Vec<Candidate>> = OnceLock::new();
-    CATALOGUE.get_or_init(|| {
+    kept(&CATALOGUE, || {
         CHARTS
             .into_par_iter()
             .filter_map(|(name, chart)| {
@@ -149,6 +149,19 @@ pub(super) fn weft_knits() -> &'static [Candidate] {
             })
             .collect()
     })
+}
+
+/// What `made` gives, made once. Two threads at a time may both make it: neither can wait for the
+/// other, because each works on all threads and may have begun what the other waits for.
+fn kept(
+    known: &'static OnceLock<Vec<Candidate>>,
+    made: impl FnOnce() -> Vec<Candidate>,
+) -> &'static [Candidate] {
+    if let Some(known) = known.get() {
+        return known;
+    }
+    let made = made();
+    known.get_or_init(|| made)
 }
 
 /// Whether a bar is laid in. Only the relaxation pulls it straight, so that no draft is like it.
