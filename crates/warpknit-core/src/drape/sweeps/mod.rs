@@ -38,6 +38,14 @@ use crate::map::Draped;
 use crate::yarn::curve;
 use search::SpanSearch;
 
+/// Pairs nearer than this, over touching, are moved; or over the clearance of the flat cloth, where
+/// that is less.
+const NEAR: f64 = 0.97;
+/// Spans on both sides of one that is wrong that move along with it: about a stitch.
+const REACH: usize = 10;
+/// Yarn of [`REACH`] spans is moved whose length is wrong by more. Single spans are wrong by more all
+/// over, since yarn slips within a stitch.
+const WRONG_LENGTH: f64 = 0.0075;
 /// Number of sweeps after the table of strains.
 const SWEEPS: usize = 18;
 /// Number of further sweeps where yarns still lie nearer than [`TIGHT`] after those. Few do, so they
@@ -55,8 +63,6 @@ const LATE_LENGTHS: f64 = 0.5;
 /// tenth of its spans tight, of which a fifth come free.
 const STUCK_SHARE: usize = 20;
 const STUCK_GAIN: usize = 10;
-/// Spans on both sides of such a pair that move along with it.
-const TIGHT_REACH: usize = 10;
 /// Number of sweeps where the repeat is too large for a table, and yarns have been mapped as if they
 /// were rubber. With 18, 2 % of a cabled sock's stitches are still over 2 % too long or too short.
 const LONE_SWEEPS: usize = 60;
@@ -114,7 +120,8 @@ struct Active {
     /// The spans that may move.
     spans: Vec<Range<usize>>,
     pairs: Vec<SpanPair>,
-    /// Spans of pairs that are nearer than [`TIGHT`], in order.
+    /// Spans that are wrong: at first those too near others or of a wrong length, then those of pairs
+    /// that are nearer than [`TIGHT`].
     tight: Vec<usize>,
     /// Whether nothing of the yarn has to move.
     is_idle: bool,
@@ -127,17 +134,25 @@ impl Active {
         Self { spans: std::iter::once(all).collect(), ..Self::default() }
     }
 
-    /// Leaves only the spans around tight pairs to be moved.
+    /// Leaves only the spans around tight ones to be moved, and their pairs.
     fn narrow(&mut self, points: usize) {
         self.spans.clear();
+        self.tight.sort_unstable();
         for &span in &self.tight {
-            let around = span.saturating_sub(TIGHT_REACH).max(1)
-                ..(span + TIGHT_REACH + 1).min(points.saturating_sub(2));
+            let around =
+                span.saturating_sub(REACH).max(1)..(span + REACH + 1).min(points.saturating_sub(2));
             match self.spans.last_mut() {
                 Some(last) if around.start <= last.end => last.end = around.end,
                 _ => self.spans.push(around),
             }
         }
+        self.is_idle = self.spans.is_empty();
+        let spans = &self.spans;
+        self.pairs.retain(|pair| {
+            let span = pair.span as usize;
+            let before = spans.partition_point(|range| range.end <= span);
+            spans.get(before).is_some_and(|range| range.contains(&span))
+        });
     }
 }
 
@@ -162,18 +177,33 @@ struct SpanPair {
     reach: f64,
 }
 
+/// Where a span is nearest to another.
+#[derive(Clone, Copy, Debug)]
+struct Nearest {
+    /// The span's own control points.
+    control: [DVec3; 4],
+    /// From the other yarn, mm.
+    apart: DVec3,
+    /// Share of the way along the span.
+    share: f64,
+}
+
 /// Moves the yarns of a panel apart.
 pub(super) fn sweep(blocks: &mut [Block], repeat: &RepeatSpans) {
     let sweeps = if repeat.is_flat_only { LONE_SWEEPS } else { SWEEPS };
     let mut panel = SweptPanel::new(blocks, repeat);
-    let whole = |yarn: &PanelYarn| Active::whole(yarn.places.len());
-    let mut active: Vec<_> = panel.yarns.iter().map(whole).collect();
-    let mut next = panel.places.clone();
     let mut search = SpanSearch::default();
+    search.fill(&panel);
+    let mut active: Vec<_> =
+        (0..panel.yarns.len()).into_par_iter().map(|yarn| panel.wrong(yarn, &search)).collect();
+    let mut next = panel.places.clone();
     // Tight spans at the look before.
     let mut before = usize::MAX;
     for sweep in 0..sweeps + LATE_SWEEPS {
-        let is_look = sweep % LOOK == 0;
+        if active.iter().all(|active| active.is_idle) {
+            break;
+        }
+        let is_look = sweep > 0 && sweep % LOOK == 0;
         if is_look {
             let left = active.iter().map(|active| active.tight.len()).sum();
             // Only further sweeps are compared with each other: those before them aim at less.
@@ -308,6 +338,32 @@ impl<'a> SweptPanel<'a> {
         along
     }
 
+    /// What has to move of a yarn: the spans that are too near others or of a wrong length, and those
+    /// around them.
+    fn wrong(&self, number: usize, search: &SpanSearch) -> Active {
+        let yarn = &self.yarns[number];
+        let mut active = Active::whole(yarn.places.len());
+        search.find_pairs(self, number, &active.spans, &mut active.pairs);
+        let near = NEAR * self.repeat.target;
+        active.pairs.retain(|pair| {
+            let ratio = self
+                .nearest_of_pair(yarn, pair)
+                .map_or(f64::INFINITY, |nearest| nearest.apart.length() / pair.touching);
+            if ratio < near {
+                active.tight.push(pair.span as usize);
+            }
+            ratio < ACTIVE
+        });
+        let own = &self.places[yarn.places.clone()];
+        if !self.repeat.yarns[yarn.copy.yarn].is_elastic {
+            let stretches = active.spans.iter().cloned().flatten().step_by(REACH);
+            let is_wrong = |&start: &usize| self.is_wrong(yarn, own, start..start + REACH);
+            active.tight.extend(stretches.filter(is_wrong).map(|start| start + REACH / 2));
+        }
+        active.narrow(own.len());
+        active
+    }
+
     /// Moves one yarn by its contacts, then by its lengths. `own` are its places. Pairs that turn
     /// out to be far apart leave the list.
     fn move_yarn(&self, yarn: &PanelYarn, active: &mut Active, aim: Aim, own: &mut [DVec3]) {
@@ -338,20 +394,13 @@ impl<'a> SweptPanel<'a> {
 
     /// Adds to the moves of a yarn what a pair asks for. Returns its distance over touching.
     fn push_pair(&self, yarn: &PanelYarn, pair: &SpanPair, aim: Aim, moves: &mut [DVec3]) -> f64 {
-        let other_yarn = &self.yarns[pair.other_yarn as usize];
-        let control = control_points(&self.places[yarn.places.clone()], pair.span as usize);
-        let other =
-            control_points(&self.places[other_yarn.places.clone()], pair.other_span as usize);
-        let may_touch =
-            |s, t| self.may_touch([(yarn, pair.span, s), (other_yarn, pair.other_span, t)]);
-        let found = control.zip(other).and_then(|(control, other)| {
-            nearest_of_spans(&control, &other, pair.reach, may_touch).map(|found| (control, found))
-        });
-        let Some((control, (apart, t))) = found else { return f64::INFINITY };
+        let Some(Nearest { control, apart, share }) = self.nearest_of_pair(yarn, pair) else {
+            return f64::INFINITY;
+        };
         let distance = apart.length();
         let missing = aim.distance * pair.touching - distance;
         if missing > 0.0 && distance > 0.0 {
-            let weights = curve::weights(&control).at(t);
+            let weights = curve::weights(&control).at(share);
             let squared: f64 = weights.iter().map(|weight| weight * weight).sum();
             let push = apart * (0.5 * CONTACT_STIFFNESS * missing / (distance * squared));
             for (k, weight) in weights.into_iter().enumerate() {
@@ -359,6 +408,19 @@ impl<'a> SweptPanel<'a> {
             }
         }
         distance / pair.touching
+    }
+
+    /// Where a yarn is nearest to the other of a pair. Nothing where they are far apart or off the
+    /// panel.
+    fn nearest_of_pair(&self, yarn: &PanelYarn, pair: &SpanPair) -> Option<Nearest> {
+        let other_yarn = &self.yarns[pair.other_yarn as usize];
+        let control = control_points(&self.places[yarn.places.clone()], pair.span as usize)?;
+        let other =
+            control_points(&self.places[other_yarn.places.clone()], pair.other_span as usize)?;
+        let may_touch =
+            |s, t| self.may_touch([(yarn, pair.span, s), (other_yarn, pair.other_span, t)]);
+        let (apart, share) = nearest_of_spans(&control, &other, pair.reach, may_touch)?;
+        Some(Nearest { control, apart, share })
     }
 
     /// Whether two places of yarn may touch, each a share of the way along its span: those close
@@ -380,20 +442,40 @@ impl<'a> SweptPanel<'a> {
         aim: Aim,
         own: &mut [DVec3],
     ) -> bool {
-        let limit = if self.repeat.is_flat_only { LONE_LENGTH_LIMIT } else { LENGTH_LIMIT };
-        let lengths = &self.lengths[yarn.places.clone()];
         let mut any = false;
         for span in spans.iter().cloned().flatten() {
-            let Some(control) = control_points(own, span) else { continue };
-            let wrong = curve::span(&control, 1).length() / lengths[span] - 1.0;
-            if wrong.abs() > LENGTH_TOLERANCE && wrong.abs() < limit {
-                let step = (control[2] - control[1]) * (0.5 * aim.length_stiffness * wrong);
+            let Some(wrong) = self.wrong_length(yarn, own, span) else { continue };
+            if wrong.abs() > LENGTH_TOLERANCE {
+                let step = (own[span + 1] - own[span]) * (0.5 * aim.length_stiffness * wrong);
                 own[span] += step;
                 own[span + 1] -= step;
                 any = true;
             }
         }
         any
+    }
+
+    /// Whether yarn of some spans together has a wrong length.
+    fn is_wrong(&self, yarn: &PanelYarn, own: &[DVec3], spans: Range<usize>) -> bool {
+        let (mut wrong, mut length) = (0.0, 0.0);
+        for span in spans {
+            if let Some(share) = self.wrong_length(yarn, own, span) {
+                let kept = self.lengths[yarn.places.start + span];
+                wrong += share * kept;
+                length += kept;
+            }
+        }
+        f64::abs(wrong) > WRONG_LENGTH * length
+    }
+
+    /// By how much a span is too long, as a share of its length. Nothing off the panel, and where no
+    /// move would mend it.
+    fn wrong_length(&self, yarn: &PanelYarn, own: &[DVec3], span: usize) -> Option<f64> {
+        let limit = if self.repeat.is_flat_only { LONE_LENGTH_LIMIT } else { LENGTH_LIMIT };
+        let control = control_points(own, span)?;
+        let wrong =
+            curve::span(&control, 1).length() / self.lengths[yarn.places.start + span] - 1.0;
+        (wrong.abs() < limit).then_some(wrong)
     }
 
     /// The data point of the repeat of which a yarn's point is a copy, and its cell along the yarn.
