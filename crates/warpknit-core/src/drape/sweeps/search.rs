@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 
-use super::{ACTIVE, PanelYarn, SpanPair, SweptPanel, control_points};
+use super::{PanelYarn, SpanPair, SweptPanel, control_points};
 use crate::drape::segments::squared_distances;
 use crate::ids::index32;
 use crate::knit::clearance::{MAX_CANDIDATES, SAME_STRAND_RADII};
@@ -47,6 +47,8 @@ struct Part {
 /// All parts of the spans of a panel, in space.
 #[derive(Default)]
 pub(super) struct SpanSearch {
+    /// Pairs that are nearer than this, over touching, are found.
+    ratio: f64,
     hash: SpatialHash,
     parts: Vec<Part>,
     spheres: Vec<Sphere>,
@@ -55,8 +57,10 @@ pub(super) struct SpanSearch {
 }
 
 impl SpanSearch {
-    /// Sorts all spans of a panel by where they lie.
-    pub(super) fn fill(&mut self, panel: &SweptPanel<'_>) {
+    /// Sorts all spans of a panel by where they lie, to find pairs that are nearer than `ratio`, over
+    /// touching.
+    pub(super) fn fill(&mut self, panel: &SweptPanel<'_>, ratio: f64) {
+        self.ratio = ratio;
         self.parts.clear();
         self.starts.clear();
         let near = panel.places.iter().copied().find(|place| !place.is_nan()).unwrap_or_default();
@@ -93,7 +97,7 @@ impl SpanSearch {
         let count = parts(length, radius);
         let share = 1.0 / f64::from(count);
         // Beside a torn span the curve swings out; it must not widen the cells of all others.
-        let reach = ACTIVE * radius + bulge(&curve, share).min(share * length);
+        let reach = self.ratio * radius + bulge(&curve, share).min(share * length);
         let mut from = control[1] - near;
         for k in 1..=count {
             let to = curve.at(f64::from(k) * share) - near;
@@ -123,7 +127,7 @@ impl SpanSearch {
             }
             partners.sort_unstable();
             partners.dedup();
-            let pair = |&other: &(u32, u32)| panel.pair(number, span, other);
+            let pair = |&other: &(u32, u32)| panel.pair(number, span, other, self.ratio);
             pairs.extend(partners.iter().filter_map(pair));
         }
     }
@@ -174,6 +178,7 @@ impl SweptPanel<'_> {
         number: usize,
         span: usize,
         (other, other_span): (u32, u32),
+        ratio: f64,
     ) -> Option<SpanPair> {
         let (yarn, other_yarn) = (&self.yarns[number], &self.yarns[other as usize]);
         let [one, two] = [yarn.places.start + span, other_yarn.places.start + other_span as usize];
@@ -195,7 +200,7 @@ impl SweptPanel<'_> {
             other_yarn: other,
             other_span,
             touching,
-            reach: ACTIVE * touching + bulges,
+            reach: ratio * touching + bulges,
         })
     }
 }
