@@ -9,7 +9,7 @@ use crate::drape::{Cloth, DrapeOptions};
 use crate::export::Format;
 use crate::fabric::Fabric;
 use crate::ids::index32;
-use crate::render::scene::{Bounds, Scene};
+use crate::render::scene::{Bounds, Scene, Shape};
 use crate::render::{Camera, RenderOptions, RendererChoice};
 use crate::system::address_space_gb;
 use crate::yarn::tube::Section;
@@ -117,17 +117,14 @@ fn drawing_bytes(
         let driver = if address_space_gb().is_some() { DRIVER } else { 0.0 };
         return driver + PIXEL * pixels + GPU_POINT * points;
     }
-    // The smallest pixel on cloth decides how yarns are drawn.
-    let pixel = cameras.iter().map(|camera| smallest_pixel(scene, camera, options));
-    let pixel = pixel.fold(f64::INFINITY, f64::min);
-    let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
-    if options.lod && pixel > f64::from(scene.mask_radii()) * thickest {
+    if has_masks(scene, cameras, options) {
         return MASK_PIXEL * pixels + MASK_POINT * points;
     }
     // A loop goes up and down its course and over to its wale.
     let stitch = 2.0 * (fabric.wale_spacing() + 2.0 * fabric.course_spacing());
     let spans = points / float(cloth.stitches()).max(1.0);
     let step = stitch / spans.max(1.0);
+    let pixel = smallest_pixel(scene, cameras, options);
     let pieces = if options.lod && step < pixel {
         // Shorter ones are merged.
         points * step / pixel
@@ -137,12 +134,24 @@ fn drawing_bytes(
     PIXEL * pixels + PIECE * pieces
 }
 
-/// Size of a pixel where the yarns' box comes nearest to the eye, mm.
-fn smallest_pixel(scene: &Scene, camera: &Camera, options: &RenderOptions) -> f64 {
+/// Whether the processor draws all these pictures without noise, as coverage masks: tubes no wider
+/// than some pixels.
+pub(super) fn has_masks(scene: &Scene, cameras: &[Camera], options: &RenderOptions) -> bool {
+    let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
+    let least = f64::from(scene.mask_radii()) * thickest;
+    options.lod && scene.shape == Shape::Tube && smallest_pixel(scene, cameras, options) > least
+}
+
+/// Size of a pixel where the yarns' box comes nearest to an eye, mm.
+fn smallest_pixel(scene: &Scene, cameras: &[Camera], options: &RenderOptions) -> f64 {
     let Some(Bounds { min, max }) = scene.extent else { return 0.0 };
     let middle = min.midpoint(max).as_dvec3();
-    let nearest = camera.eye().distance(middle) - f64::from(min.distance(max)) / 2.0;
-    camera.pixel_size(nearest.max(0.0), options.height)
+    let radius = f64::from(min.distance(max)) / 2.0;
+    let pixel = |camera: &Camera| {
+        let nearest = camera.eye().distance(middle) - radius;
+        camera.pixel_size(nearest.max(0.0), options.height)
+    };
+    cameras.iter().map(pixel).fold(f64::INFINITY, f64::min)
 }
 
 /// A size that a person reads: `94 MB`, `1.3 GB`, `40 GB`.

@@ -11,6 +11,7 @@ use super::RunError;
 use super::camera::camera;
 use super::clock::{Clock, Task};
 use super::densities::Gauge;
+use super::estimates::has_masks;
 use super::fibres::Fibres;
 use super::job::Job;
 use super::loupe::Loupe;
@@ -50,8 +51,12 @@ impl Pictures {
         clock: &mut Clock<'_>,
     ) -> Result<(), RunError> {
         clock.begin(Task::Render, 0.0);
-        let options = options_of(job);
+        let mut options = options_of(job);
         let cameras = cameras(job.settings, &options, extent);
+        // Where yarns are so thin, the graphics processor's pictures are full of noise.
+        if options.renderer == RendererChoice::Auto && has_masks(scene, &cameras, &options) {
+            options.renderer = RendererChoice::Cpu;
+        }
         let count = cameras.len();
         let mut far = None;
         for (frame, camera) in cameras.iter().enumerate() {

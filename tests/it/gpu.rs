@@ -141,11 +141,13 @@ fn both_renderers_draw_the_same_skirt() {
     }
 }
 
-/// Compares with what was drawn before, 256 pixels square.
+/// Compares with what the software driver drew before, 256 pixels square. Graphics cards filter
+/// textures in their own way; they may differ by as much as both renderers may.
 fn golden(name: &str, scene: &Scene, camera: &Camera, options: &RenderOptions) {
     if can_draw(name) {
         let options = RenderOptions { width: 256, height: 256, ..options.clone() };
-        golden::check(name, &on(RendererChoice::Gpu, scene, camera, &options), 0.01, 0.1);
+        let [mean, p99] = if Gpu::find(false).is_ok() { [0.06, 1.0] } else { [0.01, 0.1] };
+        golden::check(name, &on(RendererChoice::Gpu, scene, camera, &options), mean, p99);
     }
 }
 

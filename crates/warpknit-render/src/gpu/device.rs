@@ -18,6 +18,10 @@ pub struct Gpu {
     fault: Arc<Mutex<Option<GpuError>>>,
 }
 
+/// Held while a device is opened: drivers are silenced for the whole process meanwhile, and those of
+/// many devices opened at once were seen to stand still.
+static OPENING: Mutex<()> = Mutex::new(());
+
 /// Formats that the passes render to, and the usages they need.
 const TARGETS: [(wgpu::TextureFormat, wgpu::TextureUsages); 3] = [
     (super::LIGHT, wgpu::TextureUsages::RENDER_ATTACHMENT),
@@ -31,6 +35,7 @@ impl Gpu {
     /// # Errors
     /// No adapter, or one that refuses a device or lacks a capability.
     pub fn find(software: bool) -> Result<Self, GpuError> {
+        let _alone = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
         #[cfg(unix)]
         let _silent = super::silence::SilentStderr::begin();
         let mut descriptor = InstanceDescriptor::new_without_display_handle();

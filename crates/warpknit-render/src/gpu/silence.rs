@@ -2,7 +2,8 @@
 //!
 //! Mesa's Vulkan drivers print "error: XDG_RUNTIME_DIR is invalid" to stderr, although nothing fails.
 //! In: nothing. Out: [`SilentStderr`]; while it lives, what this process writes to stderr is lost.
-//! Not promised: that only drivers are silenced, so it must live shortly.
+//! Not promised: that only drivers are silenced, so it must live shortly. Of two at once the later
+//! would take the silence of the earlier for stderr, so there must be one only.
 
 use std::fs::OpenOptions;
 use std::io;

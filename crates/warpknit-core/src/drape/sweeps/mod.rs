@@ -16,8 +16,9 @@
 //! yarn by itself, so the result is the same for any number of threads. Lengths are corrected along
 //! each yarn in turn.
 //!
-//! Cost: some 90 µs a stitch, nearly all of it to find what is wrong; 170 without a table, and some
-//! 1200 where all of the cloth is pulled further than its loops can follow. All blocks of a panel are in memory meanwhile,
+//! Cost: some 60 µs a stitch where little is wrong, nearly all of it to find out; two to four times as
+//! much where loops are as large as the garment's triangles; and some 1200 where all of the cloth is
+//! pulled further than its loops can follow. All blocks of a panel are in memory meanwhile,
 //! some 7 kB a stitch. Not promised: cloth that lies on cloth.
 
 mod search;
@@ -36,7 +37,7 @@ use crate::knit::clearance::SAME_STRAND_RADII;
 use crate::knit::strain::RepeatSpans;
 use crate::map::Draped;
 use crate::yarn::curve;
-use search::SpanSearch;
+use search::{Partners, SpanSearch};
 
 /// Pairs nearer than this, over touching, are moved; or over the clearance of the flat cloth, where
 /// that is less.
@@ -187,8 +188,7 @@ pub(super) fn sweep(blocks: &mut [Block], repeat: &RepeatSpans) {
     let mut panel = SweptPanel::new(blocks, repeat);
     let mut search = SpanSearch::default();
     search.fill(&panel, NEAR * repeat.target);
-    let mut active: Vec<_> =
-        (0..panel.yarns.len()).into_par_iter().map(|yarn| panel.wrong(yarn, &search)).collect();
+    let mut active = panel.wrong(&search);
     let mut next = panel.places.clone();
     // Tight spans at the look before.
     let mut before = usize::MAX;
@@ -216,7 +216,8 @@ pub(super) fn sweep(blocks: &mut [Block], repeat: &RepeatSpans) {
                         active.narrow(own.len());
                     }
                     active.is_idle = active.spans.is_empty();
-                    search.find_pairs(&panel, number, &active.spans, &mut active.pairs);
+                    let Active { spans, pairs, .. } = active;
+                    search.find_pairs(&panel, number, Partners::All, spans, pairs);
                 }
                 if !active.is_idle {
                     panel.move_yarn(yarn, active, aim, own);
@@ -331,26 +332,40 @@ impl<'a> SweptPanel<'a> {
         along
     }
 
-    /// What has to move of a yarn: the spans that are too near others or of a wrong length, and those
-    /// around them.
-    fn wrong(&self, number: usize, search: &SpanSearch) -> Active {
+    /// What has to move of each yarn: the spans that are too near others or of a wrong length, and
+    /// those around them.
+    fn wrong(&self, search: &SpanSearch) -> Vec<Active> {
+        let yarns = 0..self.yarns.len();
+        let mut active: Vec<_> =
+            yarns.clone().into_par_iter().map(|number| self.wrong_of(number, search)).collect();
+        for number in yarns {
+            for pair in std::mem::take(&mut active[number].pairs) {
+                active[pair.other_yarn as usize].tight.push(pair.other_span as usize);
+            }
+        }
+        let points = self.yarns.par_iter().map(|yarn| yarn.places.len());
+        active.par_iter_mut().zip(points).for_each(|(active, points)| active.narrow(points));
+        active
+    }
+
+    /// Spans of a yarn that are too near others or of a wrong length, with the pairs of which the yarn
+    /// is the first.
+    fn wrong_of(&self, number: usize, search: &SpanSearch) -> Active {
         let yarn = &self.yarns[number];
         let mut active = Active::whole(yarn.places.len());
-        search.find_pairs(self, number, &active.spans, &mut active.pairs);
-        let too_near = active.pairs.iter().filter(|pair| {
-            let nearest = self.nearest_of_pair(yarn, pair);
-            nearest.is_some_and(|nearest| {
+        search.find_pairs(self, number, Partners::Later, &active.spans, &mut active.pairs);
+        active.pairs.retain(|pair| {
+            self.nearest_of_pair(yarn, pair).is_some_and(|nearest| {
                 nearest.apart.length() < NEAR * self.repeat.target * pair.touching
             })
         });
-        active.tight.extend(too_near.map(|pair| pair.span as usize));
-        let own = &self.places[yarn.places.clone()];
+        active.tight.extend(active.pairs.iter().map(|pair| pair.span as usize));
         if !self.repeat.yarns[yarn.copy.yarn].is_elastic {
+            let own = &self.places[yarn.places.clone()];
             let stretches = active.spans.iter().cloned().flatten().step_by(REACH);
             let is_wrong = |&start: &usize| self.is_wrong(yarn, own, start..start + REACH);
             active.tight.extend(stretches.filter(is_wrong).map(|start| start + REACH / 2));
         }
-        active.narrow(own.len());
         active
     }
 

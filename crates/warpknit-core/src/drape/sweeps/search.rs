@@ -34,6 +34,14 @@ const MAX_PARTS: u32 = 12;
 /// A span longer than its flat length by this factor is torn: it has no partners.
 const MAX_STRETCH: f64 = 2.0;
 
+/// Which spans near one are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Partners {
+    All,
+    /// Those that come later on the panel, so that each pair is found once.
+    Later,
+}
+
 /// A part of a span.
 #[derive(Clone, Copy, Debug)]
 struct Part {
@@ -112,6 +120,7 @@ impl SpanSearch {
         &self,
         panel: &SweptPanel<'_>,
         number: usize,
+        wanted: Partners,
         spans: &[Range<usize>],
         pairs: &mut Vec<SpanPair>,
     ) {
@@ -121,8 +130,12 @@ impl SpanSearch {
         for span in spans.iter().cloned().flatten() {
             partners.clear();
             let at = yarn.places.start + span;
-            for part in &self.parts[self.starts[at] as usize..self.starts[at + 1] as usize] {
+            for own in self.starts[at]..self.starts[at + 1] {
+                let part = &self.parts[own as usize];
                 self.hash.around(part.sphere(), MAX_CANDIDATES, &mut found);
+                if wanted == Partners::Later {
+                    found.retain(|&other| other > own);
+                }
                 self.add_partners(part, &found, &mut partners);
             }
             partners.sort_unstable();
