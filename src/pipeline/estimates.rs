@@ -117,14 +117,14 @@ fn drawing_bytes(
         let driver = if address_space_gb().is_some() { DRIVER } else { 0.0 };
         return driver + PIXEL * pixels + GPU_POINT * points;
     }
-    if has_masks(scene, cameras, options) {
+    if has_masks(scene, scene.extent, cameras, options) {
         return MASK_PIXEL * pixels + MASK_POINT * points;
     }
     // A loop goes up and down its course and over to its wale.
     let stitch = 2.0 * (fabric.wale_spacing() + 2.0 * fabric.course_spacing());
     let spans = points / float(cloth.stitches()).max(1.0);
     let step = stitch / spans.max(1.0);
-    let pixel = smallest_pixel(scene, cameras, options);
+    let pixel = smallest_pixel(scene.extent, cameras, options);
     let pieces = if options.lod && step < pixel {
         // Shorter ones are merged.
         points * step / pixel
@@ -134,17 +134,22 @@ fn drawing_bytes(
     PIXEL * pixels + PIECE * pieces
 }
 
-/// Whether the processor draws all these pictures without noise, as coverage masks: tubes no wider
-/// than some pixels.
-pub(super) fn has_masks(scene: &Scene, cameras: &[Camera], options: &RenderOptions) -> bool {
+/// Whether the processor draws all these pictures of a scene within `extent` without noise, as
+/// coverage masks: of tubes narrower than two pixels, or than one with textures.
+pub(super) fn has_masks(
+    scene: &Scene,
+    extent: Option<Bounds>,
+    cameras: &[Camera],
+    options: &RenderOptions,
+) -> bool {
     let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
     let least = f64::from(scene.mask_radii()) * thickest;
-    options.lod && scene.shape == Shape::Tube && smallest_pixel(scene, cameras, options) > least
+    options.lod && scene.shape == Shape::Tube && smallest_pixel(extent, cameras, options) > least
 }
 
-/// Size of a pixel where the yarns' box comes nearest to an eye, mm.
-fn smallest_pixel(scene: &Scene, cameras: &[Camera], options: &RenderOptions) -> f64 {
-    let Some(Bounds { min, max }) = scene.extent else { return 0.0 };
+/// Size of a pixel where a box comes nearest to an eye, mm.
+fn smallest_pixel(extent: Option<Bounds>, cameras: &[Camera], options: &RenderOptions) -> f64 {
+    let Some(Bounds { min, max }) = extent else { return 0.0 };
     let middle = min.midpoint(max).as_dvec3();
     let radius = f64::from(min.distance(max)) / 2.0;
     let pixel = |camera: &Camera| {

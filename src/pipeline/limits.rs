@@ -135,17 +135,14 @@ pub fn loss_warning(totals: &Totals) -> Option<String> {
     })
 }
 
-/// The note on how yarns keep their lengths, where the fabric's repeat is solved for fewer strains or
-/// can't be solved: by sweeps alone, or not at all.
+/// The note on how yarns keep their lengths, where the fabric's repeat can't be solved for strains: by
+/// sweeps alone, or not at all.
 #[must_use]
 pub fn lengths_note(cloth: &Cloth<'_>, options: &DrapeOptions) -> Option<String> {
-    if options.mapping != Mapping::Relaxed {
+    if options.mapping != Mapping::Relaxed
+        || cloth.strain().is_some_and(|table| !table.is_flat_only())
+    {
         return None;
-    }
-    if let Some(table) = cloth.strain().filter(|table| !table.is_flat_only()) {
-        let note = "this fabric's repeat is large: it is solved for every second strain of the table \
-                    alone, and what lies between is interpolated";
-        return table.is_coarse().then(|| note.to_owned());
     }
     Some(if cloth.keeps_lengths(options) {
         "this fabric's repeat is too large to be solved for the garment's strains: yarns keep their \

@@ -19,7 +19,7 @@ use super::settings::Settings;
 use crate::export::{Output, png};
 use crate::ids::index32;
 use crate::render::fibres as near;
-use crate::render::scene::Scene;
+use crate::render::scene::{Bounds, Scene};
 use crate::render::{Camera, Painter, RenderOptions, RendererChoice};
 use crate::system::address_space_gb;
 
@@ -53,8 +53,11 @@ impl Pictures {
         clock.begin(Task::Render, 0.0);
         let mut options = options_of(job);
         let cameras = cameras(job.settings, &options, extent);
-        // Where yarns are so thin, the graphics processor's pictures are full of noise.
-        if options.renderer == RendererChoice::Auto && has_masks(scene, &cameras, &options) {
+        // Where yarns are so thin, the graphics processor's pictures are full of noise. All frames of a
+        // sequence lie within the extent, so one renderer draws them all.
+        let around = Bounds::around(extent);
+        if options.renderer == RendererChoice::Auto && has_masks(scene, around, &cameras, &options)
+        {
             options.renderer = RendererChoice::Cpu;
         }
         let count = cameras.len();
@@ -157,10 +160,15 @@ pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
     options
 }
 
-/// The renderer's options for the inset of a loupe. All tiles of a picture draw the whole of it.
+/// The renderer's options for the inset of a loupe. All tiles of a picture draw the whole of it. A
+/// picture that needs a loupe has thin yarns, which the processor draws, and so its inset too.
 pub(super) fn inset_options(job: &Job<'_>, loupe: &Loupe) -> RenderOptions {
     let [width, height] = loupe.size();
-    RenderOptions { width, height, rows: None, ..options_of(job) }
+    let mut options = RenderOptions { width, height, rows: None, ..options_of(job) };
+    if options.renderer == RendererChoice::Auto {
+        options.renderer = RendererChoice::Cpu;
+    }
+    options
 }
 
 /// The renderer's options from a run's settings. Settings that nobody chose have the renderer's

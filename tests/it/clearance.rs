@@ -227,3 +227,30 @@ fn yarns_that_a_fold_brings_together_are_moved_apart() {
     assert!(before.share_below_95() > 0.05 && before.min_over_2r < 0.2, "{before:?}");
     assert!(swept.share_below_95() < 0.005 && swept.min_over_2r > 0.6, "{swept:?}");
 }
+
+/// Where the data points of a locknit lie on a garment, with or without sweeps.
+fn positions(garment: &Garment, sweeps: bool) -> Vec<DVec3> {
+    let fabric = coarse("locknit", 0.3);
+    let cloth = Cloth::cover(garment, &fabric).unwrap();
+    let options = DrapeOptions { sweeps: Some(sweeps), ..DrapeOptions::default() };
+    let mut all = Vec::new();
+    let Ok(_) = drape::run(&cloth, &options, &mut |_, _| {}, &mut |blocks| {
+        all.extend(blocks.iter().flat_map(|block| block.draped.positions.iter().copied()));
+        Ok::<_, std::convert::Infallible>(())
+    });
+    all
+}
+
+#[test]
+fn only_yarn_that_is_wrong_is_moved() {
+    let flat = square(|p| p);
+    assert!(positions(&flat, false) == positions(&flat, true));
+    let folded = folded(5.0 * coarse("locknit", 0.3).radius());
+    let [mapped, swept] = [false, true].map(|sweeps| positions(&folded, sweeps));
+    let moved: Vec<_> =
+        mapped.iter().zip(&swept).filter(|(a, b)| a != b).map(|(a, _)| *a).collect();
+    assert!(moved.len() > mapped.len() / 100, "{} of {}", moved.len(), mapped.len());
+    // The fold lies at the right, and flat cloth at the left. Some stitches beside the fold move along.
+    let farthest = moved.iter().map(|place| place.x).fold(f64::INFINITY, f64::min);
+    assert!(farthest > -200.0, "{farthest}");
+}

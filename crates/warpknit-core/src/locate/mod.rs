@@ -15,7 +15,8 @@
 //! 2. The first point outside is found by a visibility walk over neighbours (Devillers, Pion and
 //!    Teillaud 2002, "Walking in a triangulation").
 //! 3. Where the walk cannot decide, or the panel overlaps itself, a BVH gives all candidates
-//!    (`bvh`). Before that a coarse grid tells whether the point is far off the panel (`outline`).
+//!    (`bvh`). It is built with the locator. Before that a coarse grid tells whether the point is far
+//!    off the panel (`outline`).
 //!
 //! Cost: 10 to 20 ns a point, on a machine where Embree's packets of rays take 50 to 140 ns
 //! (`benches/against_peers.sh`); more where a triangle holds few points. Before the first point

@@ -151,8 +151,8 @@ pub(super) fn weft_knits() -> &'static [Candidate] {
     })
 }
 
-/// What `made` gives, made once. Two threads at a time may both make it: neither can wait for the
-/// other, because each works on all threads and may have begun what the other waits for.
+/// What `made` gives, kept. Threads that ask before it is kept each make it: none can wait for another,
+/// because each works on all threads and may have begun what the other waits for.
 fn kept(
     known: &'static OnceLock<Vec<Candidate>>,
     made: impl FnOnce() -> Vec<Candidate>,

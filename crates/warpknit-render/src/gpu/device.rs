@@ -18,8 +18,8 @@ pub struct Gpu {
     fault: Arc<Mutex<Option<GpuError>>>,
 }
 
-/// Held while a device is opened: drivers are silenced for the whole process meanwhile, and those of
-/// many devices opened at once were seen to stand still.
+/// Held while a device is opened: drivers are silenced for the whole process meanwhile. And tests that
+/// opened eight and more devices at once hung on a graphics card, where four did not.
 static OPENING: Mutex<()> = Mutex::new(());
 
 /// Formats that the passes render to, and the usages they need.

@@ -1,7 +1,7 @@
 //! Sweeps on the body: yarns of a panel are moved apart where they come nearer than touching, and
 //! keep their lengths.
 //!
-//! In: the mapped blocks of one panel. Out: the same with points moved by a part of a radius.
+//! In: the mapped blocks of one panel. Out: the same with points moved by some radii at most.
 //!
 //! The table of strained repeats takes cloth to be strained alike all over a loop. Where strain
 //! changes within a loop, or the cloth bends sharply, yarns still cut each other a little. A few
@@ -39,13 +39,12 @@ use crate::map::Draped;
 use crate::yarn::curve;
 use search::{Partners, SpanSearch};
 
-/// Pairs nearer than this, over touching, are moved; or over the clearance of the flat cloth, where
-/// that is less.
+/// Pairs nearer than this share of the distance that sweeps aim at are moved.
 const NEAR: f64 = 0.97;
 /// Spans on both sides of one that is wrong that move along with it: about a stitch.
 const REACH: usize = 10;
-/// Yarn of [`REACH`] spans is moved whose length is wrong by more. Single spans are wrong by more all
-/// over, since yarn slips within a stitch.
+/// Yarn of [`REACH`] spans is moved whose length together is wrong by more. Single spans are wrong by
+/// more all over, since yarn slips within a stitch.
 const WRONG_LENGTH: f64 = 0.0075;
 /// Number of sweeps after the table of strains.
 const SWEEPS: usize = 18;
@@ -193,7 +192,7 @@ pub(super) fn sweep(blocks: &mut [Block], repeat: &RepeatSpans) {
     // Tight spans at the look before.
     let mut before = usize::MAX;
     for sweep in 0..sweeps + LATE_SWEEPS {
-        if active.iter().all(|active| active.is_idle) {
+        if active.iter().all(|active| active.is_idle && active.tight.is_empty()) {
             break;
         }
         let is_look = sweep % LOOK == 0;
@@ -344,7 +343,10 @@ impl<'a> SweptPanel<'a> {
             }
         }
         let points = self.yarns.par_iter().map(|yarn| yarn.places.len());
-        active.par_iter_mut().zip(points).for_each(|(active, points)| active.narrow(points));
+        active.par_iter_mut().zip(points).for_each(|(active, points)| {
+            active.narrow(points);
+            active.is_idle = active.spans.is_empty();
+        });
         active
     }
 
@@ -362,9 +364,11 @@ impl<'a> SweptPanel<'a> {
         active.tight.extend(active.pairs.iter().map(|pair| pair.span as usize));
         if !self.repeat.yarns[yarn.copy.yarn].is_elastic {
             let own = &self.places[yarn.places.clone()];
-            let stretches = active.spans.iter().cloned().flatten().step_by(REACH);
-            let is_wrong = |&start: &usize| self.is_wrong(yarn, own, start..start + REACH);
-            active.tight.extend(stretches.filter(is_wrong).map(|start| start + REACH / 2));
+            // They overlap by half. What is left at the end is judged with the spans before it.
+            let end = own.len().saturating_sub(2 + REACH / 2).max(2);
+            let is_wrong = |start: &usize| self.is_wrong(yarn, own, *start..*start + REACH);
+            let stretches = (1..end).step_by(REACH / 2).filter(is_wrong);
+            active.tight.extend(stretches.map(|start| start + REACH / 2));
         }
         active
     }

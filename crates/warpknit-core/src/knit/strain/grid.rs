@@ -1,8 +1,7 @@
 //! The grid of strains for which repeats are solved.
 //!
 //! In: a [`Strain`]. Out: the eight knots around it with their weights, or for a knot its strain and
-//! the knots on the way to flat cloth. The flat state is a knot, so flat cloth is met exactly. A
-//! coarse grid has every second knot of each axis, for repeats that take long to solve.
+//! the knots on the way to flat cloth. The flat state is a knot, so flat cloth is met exactly.
 //!
 //! Cost: some nanoseconds a strain. Not promised: strains beyond the grid; these are moved along the
 //! line to the flat state until they are on it.
@@ -23,30 +22,11 @@ const SIZE: [usize; 3] = [STRETCHES.len(), STRETCHES.len(), SHEARS.len()];
 /// Number of all knots.
 pub(super) const KNOTS: usize = SIZE[0] * SIZE[1] * SIZE[2];
 
-/// Which knots of each axis a grid has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Fineness {
-    Fine,
-    Coarse,
-}
-
-impl Fineness {
-    /// Knots from one to the next.
-    fn step(self) -> usize {
-        match self {
-            Self::Fine => 1,
-            Self::Coarse => 2,
-        }
-    }
-}
-
 /// A place in the grid: the eight knots around it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GridPlace {
     /// The knot with the lowest index of each axis.
     low: usize,
-    /// Knots from each of them to the next along its axis.
-    step: usize,
     /// Interval of each axis.
     intervals: [Interval; 3],
     /// Shares of the way to the next knot of each axis.
@@ -66,16 +46,15 @@ struct Interval {
 
 impl GridPlace {
     /// The place of a strain.
-    pub(super) fn of(strain: Strain, fineness: Fineness) -> Self {
+    pub(super) fn of(strain: Strain) -> Self {
         let (strain, is_outside) = into_grid(strain);
-        let step = fineness.step();
         let intervals = [
-            Interval::of(&STRETCHES, step, strain.courses),
-            Interval::of(&STRETCHES, step, strain.wales),
-            Interval::of(&SHEARS, step, strain.shear),
+            Interval::of(&STRETCHES, strain.courses),
+            Interval::of(&STRETCHES, strain.wales),
+            Interval::of(&SHEARS, strain.shear),
         ];
         let low = index(intervals.map(|interval| interval.number));
-        Self { low, step, intervals, shares: [0.0; 3], is_outside }.with_shares(strain)
+        Self { low, intervals, shares: [0.0; 3], is_outside }.with_shares(strain)
     }
 
     /// The place of another strain, if it lies between the same knots.
@@ -97,8 +76,10 @@ impl GridPlace {
     pub(super) fn corners(&self) -> [usize; 8] {
         from_fn(|corner| {
             let strides = [(1, 1), (2, SIZE[0]), (4, SIZE[0] * SIZE[1])].into_iter();
-            let up = strides.map(|(bit, stride)| usize::from(corner & bit != 0) * stride);
-            self.low + self.step * up.sum::<usize>()
+            self.low
+                + strides
+                    .map(|(bit, stride)| usize::from(corner & bit != 0) * stride)
+                    .sum::<usize>()
         })
     }
 
@@ -117,11 +98,11 @@ impl GridPlace {
 }
 
 impl Interval {
-    /// The interval that holds a value, between knots `step` apart in a rising list.
-    fn of(values: &[f64], step: usize, value: f64) -> Self {
-        let inner = values[step..values.len() - step].iter().step_by(step);
-        let number = step * inner.map(|&knot| usize::from(value >= knot)).sum::<usize>();
-        Self { number, from: values[number], to: values[number + step] }
+    /// The interval of a rising list that holds a value.
+    fn of(values: &[f64], value: f64) -> Self {
+        let inner = &values[1..values.len() - 1];
+        let number = inner.iter().map(|&knot| usize::from(value >= knot)).sum();
+        Self { number, from: values[number], to: values[number + 1] }
     }
 
     #[inline]
@@ -174,10 +155,9 @@ pub(super) fn strain(knot: usize) -> Strain {
     Strain { courses: STRETCHES[x], wales: STRETCHES[y], shear: SHEARS[z] }
 }
 
-/// The knots of a grid next to a knot that lie one step nearer to flat cloth, the one along its
-/// farthest axis first. Flat cloth has none.
-pub(super) fn inward(knot: usize, fineness: Fineness) -> impl Iterator<Item = usize> {
-    let step = fineness.step();
+/// The knots next to a knot that lie one step nearer to flat cloth, the one along its farthest axis
+/// first. Flat cloth has none.
+pub(super) fn inward(knot: usize) -> impl Iterator<Item = usize> {
     let at = axes(knot);
     let far: [usize; 3] = from_fn(|axis| at[axis].abs_diff(FLAT[axis]));
     // Shear comes first where it is as far, then courses: an order is needed, and any one serves.
@@ -185,7 +165,7 @@ pub(super) fn inward(knot: usize, fineness: Fineness) -> impl Iterator<Item = us
     order.sort_by_key(|&axis| std::cmp::Reverse(far[axis]));
     order.into_iter().filter(move |&axis| far[axis] > 0).map(move |axis| {
         let mut next = at;
-        next[axis] = if at[axis] > FLAT[axis] { at[axis] - step } else { at[axis] + step };
+        next[axis] = if at[axis] > FLAT[axis] { at[axis] - 1 } else { at[axis] + 1 };
         index(next)
     })
 }
@@ -200,50 +180,25 @@ pub(super) fn level(knot: usize) -> usize {
 mod tests {
     use super::*;
 
-    /// The knots of a grid.
-    fn knots(fineness: Fineness) -> impl Iterator<Item = usize> {
-        let is_of = move |knot: &usize| axes(*knot).iter().all(|at| at % fineness.step() == 0);
-        (0..KNOTS).filter(is_of)
-    }
-
     #[test]
     fn a_knot_is_met_exactly() {
-        for fineness in [Fineness::Fine, Fineness::Coarse] {
-            for knot in knots(fineness) {
-                let found = GridPlace::of(strain(knot), fineness).knots();
-                let own: f64 = found.iter().filter(|(at, _)| *at == knot).map(|(_, w)| w).sum();
-                assert_eq!(own, 1.0, "{fineness:?} {knot}");
-            }
+        for knot in 0..KNOTS {
+            let found = GridPlace::of(strain(knot)).knots();
+            let own: f64 = found.iter().filter(|(at, _)| *at == knot).map(|(_, w)| w).sum();
+            assert_eq!(own, 1.0, "{knot}");
         }
     }
 
     #[test]
     fn the_way_inward_ends_at_flat_cloth() {
-        for fineness in [Fineness::Fine, Fineness::Coarse] {
-            for knot in knots(fineness) {
-                let mut at = knot;
-                for _ in 0..level(knot) / fineness.step() {
-                    at = inward(at, fineness).next().unwrap();
-                }
-                assert_eq!(strain(at), Strain::NONE);
-                assert!(inward(at, fineness).next().is_none());
+        for knot in 0..KNOTS {
+            let mut at = knot;
+            for _ in 0..level(knot) {
+                at = inward(at).next().unwrap();
             }
+            assert_eq!(strain(at), Strain::NONE);
+            assert!(inward(at).next().is_none());
         }
-    }
-
-    #[test]
-    fn a_coarse_grid_has_fewer_knots_around_the_same_strains() {
-        let strain = Strain { courses: 1.07, wales: 0.83, shear: -0.05 };
-        for fineness in [Fineness::Fine, Fineness::Coarse] {
-            let mean = |of: fn(Strain) -> f64| -> f64 {
-                let found = GridPlace::of(strain, fineness).knots();
-                found.iter().map(|&(knot, weight)| weight * of(super::strain(knot))).sum()
-            };
-            assert!((mean(|strain| strain.courses) - strain.courses).abs() < 1e-12);
-            assert!((mean(|strain| strain.wales) - strain.wales).abs() < 1e-12);
-            assert!((mean(|strain| strain.shear) - strain.shear).abs() < 1e-12);
-        }
-        assert_eq!([Fineness::Fine, Fineness::Coarse].map(|f| knots(f).count()), [405, 75]);
     }
 
     #[test]

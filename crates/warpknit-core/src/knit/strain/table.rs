@@ -19,7 +19,7 @@ use rayon::Yield;
 use rayon::prelude::*;
 
 use super::Strain;
-use super::grid::{self, Fineness, GridPlace, KNOTS};
+use super::grid::{self, GridPlace, KNOTS};
 use super::link_check::LinkCheck;
 use super::rest::Rest;
 use super::solver::{self, State};
@@ -29,9 +29,6 @@ use crate::knit::Progress;
 /// The largest repeat that is solved, data points. The work for a knot grows with the square of
 /// their number.
 pub(super) const MAX_POINTS: usize = 1000;
-/// The largest repeat that has a fine grid, data points. On a coarse one a dress of double-atlas, 192
-/// points, is solved in a third of the time, and yarn keeps its length as well.
-const FINE_POINTS: usize = 150;
 /// Largest move of a data point for a strain of [`SNAP_STRAIN`], radii. A state farther from its
 /// start has snapped into another one.
 const SNAP_RADII: f64 = 1.5;
@@ -102,7 +99,7 @@ impl StrainTable {
         }
         let none = || vec![false; KNOTS];
         let wanted = strains.into_par_iter().fold(none, |mut is_wanted, strain| {
-            for (knot, _) in self.place_of(strain).knots() {
+            for (knot, _) in GridPlace::of(strain).knots() {
                 is_wanted[knot] = true;
             }
             is_wanted
@@ -164,21 +161,6 @@ impl StrainTable {
         self.rest.points.len() > MAX_POINTS
     }
 
-    /// Whether the repeat takes so long to be solved that the table has fewer knots: every second one of
-    /// each axis.
-    #[must_use]
-    pub fn is_coarse(&self) -> bool {
-        self.fineness() == Fineness::Coarse
-    }
-
-    fn fineness(&self) -> Fineness {
-        if self.rest.points.len() > FINE_POINTS { Fineness::Coarse } else { Fineness::Fine }
-    }
-
-    fn place_of(&self, strain: Strain) -> GridPlace {
-        GridPlace::of(strain, self.fineness())
-    }
-
     /// The number of solved knots.
     #[must_use]
     pub fn knots(&self) -> usize {
@@ -188,7 +170,7 @@ impl StrainTable {
     /// Finds a strain in the table.
     #[must_use]
     pub fn at(&self, strain: Strain) -> Lookup<'_> {
-        let place = self.place_of(strain);
+        let place = GridPlace::of(strain);
         let corners = place.corners().map(|knot| self.placed(knot));
         Lookup { place, corners, weights: weights(&place) }
     }
@@ -218,7 +200,7 @@ impl StrainTable {
         let mut last = Vec::new();
         for step in 1..RAY_STEPS {
             let share = f64::from(step) / f64::from(RAY_STEPS);
-            let place = self.place_of(Strain::NONE.towards(target, share));
+            let place = GridPlace::of(Strain::NONE.towards(target, share));
             let knots = place.knots().into_iter().filter(|(_, weight)| *weight > 0.0);
             let knots: Vec<_> = knots.collect();
             if self.lock_at(&knots) > 1.0 {
@@ -247,7 +229,7 @@ impl StrainTable {
     fn solve(&self, knot: usize) -> Knot {
         let strain = grid::strain(knot);
         let mut best: Option<State> = None;
-        for from in grid::inward(knot, self.fineness()) {
+        for from in grid::inward(knot) {
             let start = self.state(from);
             let state = solver::solve(&self.rest, &start, strain);
             let has_snapped = self.has_snapped(&start, &state);
@@ -381,7 +363,7 @@ mod tests {
                 strained(1.0, 1.1, 0.0),
                 strained(1.1, 0.9, 0.2),
             ] {
-                let knots = table.place_of(strain).knots();
+                let knots = GridPlace::of(strain).knots();
                 let (knot, _) = knots.into_iter().find(|(_, weight)| *weight > 0.99).unwrap();
                 // The lock counts whole per cents of stretch, and twentieths of touching.
                 let lock = table.solved(knot).lock;
@@ -402,7 +384,7 @@ mod tests {
     fn cloth_locks_before_a_loop_leaves_its_old_one() {
         let (fabric, pattern, table) = table("power-net");
         let strain = strained(1.0, 1.35, 0.0);
-        let knots = table.place_of(strain).knots();
+        let knots = GridPlace::of(strain).knots();
         let (torn, _) = knots.into_iter().find(|(_, weight)| *weight > 0.99).unwrap();
         assert!(!table.links.hold(&table.state(torn).points));
         let lookup = table.at(strain);
