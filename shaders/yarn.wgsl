@@ -25,6 +25,8 @@ const PARTS = 32u;
 const MAX_WIDENING = 3.0;
 // Largest difference from 1 of the factors on a yarn's radius and on its base colour.
 const MOST_UNEVEN = 0.25;
+// Places along a chunk that have a thickness of their own.
+const KNOTS = 8u;
 // Mean height of a tube over its axis toward the eye, pi / 4 radii. The strip that stands for the
 // tube lies there.
 const MEAN_RISE = 0.785;
@@ -34,9 +36,10 @@ struct Chunk {
     // Number of pieces; the chunk has one more point.
     count: u32,
     look: u32,
-    // Signed bytes: shares of MOST_UNEVEN by which the yarn is thicker at the chunk's start and at
-    // its end, and lighter.
-    unevenness: u32,
+    // Share of MOST_UNEVEN by which the yarn is lighter, a signed byte.
+    lightness: u32,
+    // The same for its thickness at KNOTS even places from the chunk's start to its end.
+    thickness: vec2u,
 }
 
 struct Draw {
@@ -99,6 +102,19 @@ fn widening(at: u32, chunk: Chunk) -> f32 {
     return clamp((points[high].w - points[low].w) / max(chords, 1e-6), 1.0, MAX_WIDENING);
 }
 
+// Factor on the radius at one of the places along a chunk that have their own.
+fn knot(chunk: Chunk, number: u32) -> f32 {
+    let word = select(chunk.thickness.x, chunk.thickness.y, number >= 4u);
+    return 1.0 + MOST_UNEVEN * unpack4x8snorm(word)[number % 4u];
+}
+
+// Factor on the radius at a share of the way along a chunk.
+fn thickness(chunk: Chunk, share: f32) -> f32 {
+    let place = share * f32(KNOTS - 1u);
+    let low = min(u32(place), KNOTS - 2u);
+    return mix(knot(chunk, low), knot(chunk, low + 1u), place - f32(low));
+}
+
 // Expands one vertex of an instance.
 fn vertex_of(vertex: u32, instance: u32) -> Surface {
     let part = parts[draw.first + instance];
@@ -115,10 +131,9 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
     out.tangent = tangent;
     out.across = across;
     out.along = points[at].w;
-    let uneven = 1.0 + MOST_UNEVEN * unpack4x8snorm(chunk.unevenness);
-    let thickness = mix(uneven.x, uneven.y, f32(at - chunk.first) / f32(chunk.count));
-    out.radius = look.radius * thickness * widening(at, chunk);
-    out.lightness = uneven.z;
+    let share = f32(at - chunk.first) / f32(chunk.count);
+    out.radius = look.radius * thickness(chunk, share) * widening(at, chunk);
+    out.lightness = 1.0 + MOST_UNEVEN * unpack4x8snorm(chunk.lightness).x;
     out.look = chunk.look;
     out.seed = part / PARTS;
     let edge = f32(vertex % draw.edges);

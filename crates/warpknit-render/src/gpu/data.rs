@@ -62,10 +62,15 @@ pub(super) struct Chunk {
     pub(super) first: u32,
     pub(super) count: u32,
     pub(super) look: u32,
-    /// How far its yarn is from even: four bytes, of which each over 127 is a share of
-    /// [`MOST_UNEVEN`]. Thickness at its start and at its end, then lightness.
-    pub(super) unevenness: u32,
+    /// How much lighter its yarn is than even yarn: a signed byte that over 127 is a share of
+    /// [`MOST_UNEVEN`].
+    pub(super) lightness: u32,
+    /// How much thicker it is at [`KNOTS`] even places from its start to its end, as such bytes.
+    pub(super) thickness: [u32; 2],
 }
+
+/// Places along a chunk that have a thickness of their own: `KNOTS` of `shaders/yarn.wgsl`.
+pub(super) const KNOTS: u32 = 8;
 
 /// Largest difference from 1 of the factors on a yarn's radius and on its base colour:
 /// `MOST_UNEVEN` of `shaders/yarn.wgsl`.
@@ -154,7 +159,7 @@ mod tests {
                 interior, corner_y, sun_bias, layer, spare),
             layout!(LookData: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope,
                 repeat, sheen, spare),
-            layout!(Chunk: first, count, look, unevenness),
+            layout!(Chunk: first, count, look, lightness, thickness),
             layout!(Draw: first, stride, edges, spare),
             layout!(Blur: step, reach, sigma, near, far, perspective, layer),
             layout!(Tone: background, exposure, scale, spare),
@@ -173,6 +178,7 @@ mod tests {
             format!("const STEPS = {STEPS}u;"),
             format!("const PARTS = {PARTS}u;"),
             format!("const MOST_UNEVEN = {MOST_UNEVEN};"),
+            format!("const KNOTS = {KNOTS}u;"),
         ] {
             assert!(yarn.contains(&line), "{line}");
         }

@@ -5,11 +5,13 @@
 //! up to [`CHUNK`] pieces on the host. Strands are subdivided a window at a time, so the memory
 //! beside the pages does not grow with the fabric. All passes share a page's bind group.
 
-use glam::{DVec3, Vec3};
+use std::array::from_fn;
+
+use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 use wgpu::BufferUsages;
 
-use super::data::{self, CHUNK};
+use super::data::{self, CHUNK, KNOTS};
 use super::device::Gpu;
 use crate::GpuError;
 use crate::octahedral::PackedUnit;
@@ -52,18 +54,30 @@ struct Draft {
     chunk_bounds: Vec<ChunkBounds>,
 }
 
-/// A chunk's [`data::Chunk::unevenness`], from the radii at its start and end, the even radius, and
-/// its shade in units of 1 / [`PLAIN_SHADE`]. A strand's last radius is 0, since no piece starts there.
-fn unevenness([start, end]: [f32; 2], even: f32, shade: u8) -> u32 {
-    let end = if end > 0.0 { end } else { start };
-    let lightness = f32::from(shade) / f32::from(PLAIN_SHADE);
-    let bytes = [start / even, end / even, lightness].map(|factor| {
-        let share = ((factor - 1.0) / data::MOST_UNEVEN).clamp(-1.0, 1.0);
-        #[expect(clippy::cast_possible_truncation, reason = "between -127 and 127")]
-        let byte = (127.0 * share).round() as i8;
-        byte.to_le_bytes()[0]
-    });
-    u32::from_le_bytes([bytes[0], bytes[1], bytes[2], 0])
+/// A factor on a radius or a colour as a byte of [`data::Chunk`].
+fn uneven_byte(factor: f32) -> u8 {
+    let share = ((factor - 1.0) / data::MOST_UNEVEN).clamp(-1.0, 1.0);
+    #[expect(clippy::cast_possible_truncation, reason = "between -127 and 127")]
+    let byte = (127.0 * share).round() as i8;
+    byte.to_le_bytes()[0]
+}
+
+/// A chunk's [`data::Chunk::thickness`], from its points and the even radius.
+fn thickness(points: &[Vec4], even: f32) -> [u32; 2] {
+    let (last, steps) = (points.len() - 1, KNOTS as usize - 1);
+    let radius = |at: usize| match points[at].w {
+        // A strand's last radius is 0, since no piece starts there.
+        radius if radius > 0.0 => radius,
+        _ => points[at.saturating_sub(1)].w,
+    };
+    let byte = |knot: usize| {
+        let (low, rest) = (knot * last / steps, knot * last % steps);
+        #[expect(clippy::cast_precision_loss, reason = "less than KNOTS")]
+        let share = rest as f32 / steps as f32;
+        let [from, to] = [low, last.min(low + 1)].map(radius);
+        uneven_byte((from + (to - from) * share) / even)
+    };
+    [0, 4].map(|first| u32::from_le_bytes(from_fn(|at| byte(first + at))))
 }
 
 /// Uploads all strands of `scene` with `st` pieces a stitch, relative to `centre`.
@@ -138,9 +152,13 @@ impl Draft {
         let tangent_frames = paths.tangents[range.clone()].iter().zip(&paths.across[range]);
         self.tangent_frames.extend(tangent_frames.map(|(&tangent, &across)| [tangent, across]));
         let look = paths.looks[start];
-        let radii = [points[0].w, points[pieces as usize].w];
-        let unevenness = unevenness(radii, looks[usize::from(look)].radius, paths.shades[start]);
-        self.chunks.push(data::Chunk { first, count: pieces, look: u32::from(look), unevenness });
+        self.chunks.push(data::Chunk {
+            first,
+            count: pieces,
+            look: u32::from(look),
+            lightness: uneven_byte(f32::from(paths.shades[start]) / f32::from(PLAIN_SHADE)).into(),
+            thickness: thickness(points, looks[usize::from(look)].radius),
+        });
         // The ball around the bounding box: looser than the smallest ball, but computed in one
         // pass.
         let low = points.iter().fold(Vec3::INFINITY, |low, point| low.min(point.truncate()));
