@@ -203,7 +203,7 @@ fn many_threads_that_begin_at_once_never_wait_for_each_other() {
     // Every fourth row ends on the border, where only a search can tell.
     let row = |y: u32| -> Vec<DVec3> {
         let inside = (0..2000).map(|x| DVec3::new(1.5 + f64::from(x % 290), f64::from(y), 0.0));
-        let border = (y % 4 == 0).then_some(DVec3::new(f64::from(y), 0.0, 0.0));
+        let border = y.is_multiple_of(4).then_some(DVec3::new(f64::from(y), 0.0, 0.0));
         inside.chain(border).collect()
     };
     let (sender, counts) = mpsc::channel();
