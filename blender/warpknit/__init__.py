@@ -103,7 +103,7 @@ class WARPKNIT_OT_knit(bpy.types.Operator):
             bpy.data.curves.remove(curves)
             return {"CANCELLED"}
         context.collection.objects.link(target)
-        self.report({"INFO"}, f"{yarns.stitches} stitches in {len(yarns)} yarns")
+        self.report({"INFO"}, f"{yarns.stitches} stitches in {len(yarns)} strands")
         return {"FINISHED"}
 
 

@@ -1,7 +1,7 @@
 //! Makes the garments in `meshes/`: cuts, sews, drapes, checks and writes them.
 //!
 //! In: nothing. Out: `skirt`, `tube` and `pinch` as pairs of flat and draped OBJ files, `tshirt` as
-//! one OBJ file with its pattern in `vt`, and a table of results on standard output. The bytes are
+//! one OBJ file with its pattern in `vt`, the bodies in them, and a table of results on standard output. The bytes are
 //! the same for any number of threads. The program fails if a garment is stretched too much, faces
 //! inwards, or intersects the body.
 //!
@@ -15,6 +15,7 @@ mod pattern;
 mod pinch;
 mod recipe;
 mod skirt;
+mod surface;
 mod triangulate;
 mod tshirt;
 mod tube;
@@ -29,6 +30,7 @@ use anyhow::{Result, ensure};
 use rayon::prelude::*;
 
 use crate::recipe::Made;
+use crate::surface::Surface;
 
 fn main() -> Result<()> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("meshes"), PathBuf::from);
@@ -56,7 +58,12 @@ fn timed(recipe: &fn() -> Made) -> (Made, f64) {
 /// Writes a garment's files and returns their bytes.
 fn write(folder: &Path, made: &Made) -> Result<usize> {
     let writer = if made.one_file { write::with_pattern } else { write::pair };
-    writer(folder, made.name, &made.garment, &made.draped)
+    let bytes = writer(folder, made.name, &made.garment, &made.draped)?;
+    // A table needs no mesh.
+    if made.body.shapes.is_empty() {
+        return Ok(bytes);
+    }
+    Ok(bytes + write::body(folder, made.name, &Surface::of(&made.body))?)
 }
 
 /// Prints a garment's line of the table.

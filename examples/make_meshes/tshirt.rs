@@ -57,7 +57,9 @@ pub(crate) fn make() -> Made {
     for (seconds, drag) in [(ARMS_REST, 10.0), (ARMS_SECONDS, 4.0), (1.0, 3.0), (1.0, 15.0)] {
         cloth.run(Stage { seconds, gravity: 1.0, drag, self_contact: true }, &scene);
     }
-    let body = body(f64::INFINITY);
+    let mut body = body(f64::INFINITY);
+    // The cloth spans the gap between the halves of the chest, but the body's mesh would show it.
+    body.shapes.push(sternum());
     Made {
         name: "tshirt",
         draped: spread(&cloth, &particle_of),
@@ -224,6 +226,11 @@ fn trunk_only() -> Body {
         blend: 2.5,
         table: None,
     }
+}
+
+/// What lies between the halves of the chest and the neck.
+fn sternum() -> RoundCone {
+    RoundCone::new(DVec3::new(0.0, 46.0, 0.0), 7.0, DVec3::new(0.0, 60.0, -1.2), 5.6)
 }
 
 /// The body at a time.

@@ -2,7 +2,7 @@
 //!
 //! In: a pattern and its draped positions. Out: either two files, flat and draped, whose vertices
 //! and faces correspond one to one, or one file whose `v` are draped and welded at the seams and
-//! whose `vt` are the flat pattern. Four decimals (a micrometre) change the stretch of a 5 mm edge
+//! whose `vt` are the flat pattern; and a body. Four decimals (a micrometre) change the stretch of a 5 mm edge
 //! by at most 0.03 %.
 
 use std::{fmt::Write as _, fs, path::Path};
@@ -11,6 +11,7 @@ use anyhow::{Context, Result};
 use glam::DVec3;
 
 use crate::pattern::Garment;
+use crate::surface::Surface;
 
 /// Writes the pair and returns how many bytes both take.
 pub(crate) fn pair(
@@ -70,6 +71,17 @@ pub(crate) fn with_pattern(
         }
     }
     store(&folder.join(format!("{name}.obj")), &text)
+}
+
+/// Writes the body in a garment and returns its bytes.
+pub(crate) fn body(folder: &Path, name: &str, body: &Surface) -> Result<usize> {
+    let mut text = header(&format!("the body in {name}"));
+    body.vertices.iter().for_each(|&place| vertex(&mut text, place));
+    for quad in &body.quads {
+        let [a, b, c, d] = quad.map(|vertex| vertex + 1);
+        push(&mut text, format_args!("f {a} {b} {c} {d}\n"));
+    }
+    store(&folder.join(format!("{name}_body.obj")), &text)
 }
 
 /// The comment lines at the beginning of a file.

@@ -3,6 +3,7 @@
 //! In: a built-in name, chains, or a fabric file. Out: a checked fabric that doesn't change.
 
 use std::ffi::CString;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::PathBuf;
 
 use pyo3::exceptions::PyUserWarning;
@@ -98,6 +99,13 @@ impl Fabric {
             yarn.into_vec().iter().map(|text| text.parse::<Count>()).collect::<Result<Vec<_>, _>>();
         let counts = counts.map_err(|error| FabricError::new_err(error.to_string()))?;
         let threadings = threading.map_or_else(Vec::new, Texts::into_vec);
+        if threadings.len() > chains.len() {
+            return Err(FabricError::new_err(format!(
+                "threading has {} marks for {} chains: give one for each chain, or one for all",
+                threadings.len(),
+                chains.len()
+            )));
+        }
         let base = fabric::Fabric::named(BASE).map_err(refuse)?;
         let knit = base.with_chains(&chains, &threadings).map_err(refuse)?;
         let densities = Densities { wales_per_cm, courses_per_cm };
@@ -138,6 +146,13 @@ impl Fabric {
         let fabric = Densities { wales_per_cm, courses_per_cm }.of_fabric(self.fabric.clone());
         let fabric = fabric.map_err(|error| error::of_fabric(&error, None))?;
         Ok(Self { fabric })
+    }
+
+    /// Equal fabrics have equal hashes.
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.fabric.to_string().hash(&mut hasher);
+        hasher.finish()
     }
 
     /// The fabric as TOML, to be edited and read again.

@@ -82,8 +82,8 @@ impl Garment {
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn from_arrays(
         py: Python<'_>,
-        flat: Positions<'_>,
-        draped: Positions<'_>,
+        flat: &Bound<'_, PyAny>,
+        draped: &Bound<'_, PyAny>,
         faces: &Bound<'_, PyAny>,
         unit: &str,
         uv_scale: Option<f64>,
@@ -92,6 +92,7 @@ impl Garment {
     ) -> PyResult<Self> {
         let (unit, grain) = (Some(named_unit(unit)?), grain.to_radians());
         let options = ReadOptions { unit, uv_scale, grain, turn, allow_loss: true };
+        let (flat, draped) = (positions::<2>("flat", flat)?, positions::<3>("draped", draped)?);
         let (flat, draped) = (rows::<2>("flat", &flat)?, rows::<3>("draped", &draped)?);
         let direct: Option<Faces<'_>> = faces.extract().ok();
         let faces = match &direct {
@@ -150,6 +151,18 @@ impl Garment {
 /// The unit of that name.
 fn named_unit(name: &str) -> PyResult<Unit> {
     name.parse::<Unit>().map_err(|error| GarmentError::new_err(error.to_string()))
+}
+
+/// A table of numbers, of whatever array or list holds one.
+fn positions<'py, const WIDTH: usize>(
+    name: &str,
+    array: &Bound<'py, PyAny>,
+) -> PyResult<Positions<'py>> {
+    array.extract().map_err(|_not_a_table| {
+        GarmentError::new_err(format!(
+            "the arrays hold no garment: {name} must be numbers in the shape (n, {WIDTH})"
+        ))
+    })
 }
 
 /// The numbers of an array of `WIDTH` columns, in place where it is contiguous.

@@ -21,7 +21,7 @@ use crate::fabric::{Fabric, warn};
 use crate::garment::Garment;
 use crate::laid::{Laid, lay};
 use crate::names;
-use crate::yarns::{Origin, Yarns};
+use crate::yarns::{Origin, Yarns, whole};
 
 /// Memory of a stitch in the arrays, GB: some nine points of 88 bytes.
 const STITCH_GB: f64 = 800e-9;
@@ -145,21 +145,16 @@ fn laid(
     Ok((whole, shown, laid, notes))
 }
 
-/// Knits a flat piece of fabric, wales yarns a bar and courses courses.
+/// Knits a flat piece of fabric, wales yarns a bar and courses courses, up to 1000 each.
 ///
 /// Its `report` has the numbers of the cloth: run-in, g/m², thickness and others.
 ///
 /// Raises FabricError.
 #[pyfunction]
 #[pyo3(signature = (fabric, wales=14, courses=16))]
-pub(crate) fn swatch(py: Python<'_>, fabric: &Fabric, wales: u32, courses: u32) -> PyResult<Yarns> {
-    for (name, number) in [("wales", wales), ("courses", courses)] {
-        if !(1..=MOST_SWATCH).contains(&number) {
-            return Err(PyValueError::new_err(format!(
-                "{name} is {number}, but must be between 1 and {MOST_SWATCH}"
-            )));
-        }
-    }
+pub(crate) fn swatch(py: Python<'_>, fabric: &Fabric, wales: i64, courses: i64) -> PyResult<Yarns> {
+    let sides = 1..=MOST_SWATCH;
+    let (wales, courses) = (whole("wales", wales, &sides)?, whole("courses", courses, &sides)?);
     let fabric = &fabric.fabric;
     let laid = py.detach(|| -> Result<Laid, Fault> {
         let panel = swatch_panel(fabric, wales, courses);

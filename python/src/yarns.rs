@@ -5,6 +5,7 @@
 //! of `warpknit::pipeline` with the same settings, so that they are those of the command, byte for
 //! byte; that run knits again.
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
@@ -115,9 +116,7 @@ fn unsigned(number: i64) -> usize {
 
 /// A numpy array over the memory of a vector, which can't be written to.
 fn column<T: numpy::Element>(py: Python<'_>, values: Vec<T>) -> PyResult<Py<PyArray1<T>>> {
-    let array = values.into_pyarray(py);
-    freeze(array.as_any())?;
-    Ok(array.unbind())
+    Ok(frozen(values.into_pyarray(py).as_any())?.cast_into()?.unbind())
 }
 
 /// The same with `width` columns.
@@ -126,9 +125,7 @@ fn rows<T: numpy::Element>(
     values: Vec<T>,
     width: usize,
 ) -> PyResult<Py<PyArray<T, numpy::Ix2>>> {
-    let array = table(py, values, width)?;
-    freeze(array.as_any())?;
-    Ok(array.unbind())
+    Ok(frozen(table(py, values, width)?.as_any())?.cast_into()?.unbind())
 }
 
 /// An array over the memory of a vector, of `width` columns.
@@ -141,8 +138,10 @@ fn table<T: numpy::Element>(
     values.into_pyarray(py).reshape([height, width])
 }
 
-fn freeze(array: &Bound<'_, PyAny>) -> PyResult<()> {
-    array.getattr("flags")?.setattr("writeable", false)
+/// A view of an array that can't be made writeable: numpy refuses that where the base isn't.
+fn frozen<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    array.getattr("flags")?.setattr("writeable", false)?;
+    array.call_method0("view")
 }
 
 impl Yarns {
@@ -261,30 +260,19 @@ fn vectors<'a>(array: &'a PyReadonlyArray2<'_, f64>) -> PyResult<&'a [DVec3]> {
     Ok(bytemuck::cast_slice(array.as_slice()?))
 }
 
-/// Refuses pictures without pixels, and those that no memory holds.
-fn check_size(size: (u32, u32)) -> PyResult<()> {
-    let pixels = 1..=MOST_PIXELS;
-    if pixels.contains(&size.0) && pixels.contains(&size.1) {
-        return Ok(());
-    }
-    let text = format!("size is {size:?}, but both must be between 1 and {MOST_PIXELS}");
-    Err(PyValueError::new_err(text))
+/// A whole number within its range, or an error in words of Python.
+pub(crate) fn whole(name: &str, number: i64, range: &RangeInclusive<u32>) -> PyResult<u32> {
+    let within = u32::try_from(number).ok().filter(|number| range.contains(number));
+    within.ok_or_else(|| {
+        let (least, most) = (range.start(), range.end());
+        PyValueError::new_err(format!("{name} is {number}, but must be between {least} and {most}"))
+    })
 }
 
-/// Refuses tubes out of their range, in words of Python.
-fn check_tubes(st: u32, sr: u32) -> PyResult<()> {
-    if !(1..=MAX_ST).contains(&st) {
-        return Err(PyValueError::new_err(format!(
-            "st is {st}, but must be between 1 and {MAX_ST}"
-        )));
-    }
-    if !SR.contains(&sr) {
-        let (least, most) = (SR.start(), SR.end());
-        return Err(PyValueError::new_err(format!(
-            "sr is {sr}, but must be between {least} and {most}"
-        )));
-    }
-    Ok(())
+/// Width and height of a picture that has pixels, and that memory holds.
+fn picture_size((width, height): (i64, i64)) -> PyResult<(u32, u32)> {
+    let pixels = 1..=MOST_PIXELS;
+    Ok((whole("the width in size", width, &pixels)?, whole("the height in size", height, &pixels)?))
 }
 
 #[pymethods]
@@ -387,12 +375,12 @@ impl Yarns {
     fn to_mesh<'py>(
         &self,
         py: Python<'py>,
-        st: u32,
-        sr: u32,
+        st: i64,
+        sr: i64,
         flatten: f64,
         caps: bool,
     ) -> PyResult<Bound<'py, PyTuple>> {
-        check_tubes(st, sr)?;
+        let (st, sr) = (whole("st", st, &(1..=MAX_ST))?, whole("sr", sr, &SR)?);
         if !(0.1..=10.0).contains(&flatten) {
             let text = format!("flatten is {flatten}, but must be between 0.1 and 10");
             return Err(PyValueError::new_err(text));
@@ -443,19 +431,16 @@ impl Yarns {
     fn render(
         &self,
         py: Python<'_>,
-        size: (u32, u32),
+        size: (i64, i64),
         view: &str,
         zoom: f64,
         background: &str,
-        spp: u32,
+        spp: i64,
         shape: &str,
     ) -> PyResult<Py<PyAny>> {
         let background = background.parse::<Background>();
         let background = background.map_err(|error| PyValueError::new_err(error.to_string()))?;
-        check_size(size)?;
-        if !(1..=4096).contains(&spp) {
-            return Err(PyValueError::new_err(format!("spp is {spp}, but must be 1 to 4096")));
-        }
+        let (size, spp) = (picture_size(size)?, whole("spp", spp, &(1..=4096))?);
         if !(zoom.is_finite() && zoom > 0.0) {
             return Err(PyValueError::new_err(format!("zoom is {zoom}, but must be above 0")));
         }
@@ -491,12 +476,12 @@ impl Yarns {
         &self,
         py: Python<'_>,
         paths: Vec<PathBuf>,
-        st: Option<u32>,
-        sr: Option<u32>,
+        st: Option<i64>,
+        sr: Option<i64>,
         flatten: f64,
         caps: bool,
         curves: bool,
-        size: (u32, u32),
+        size: (i64, i64),
         view: &str,
         file_unit: &str,
         up: &str,
@@ -511,12 +496,13 @@ impl Yarns {
         if paths.is_empty() {
             return Err(PyValueError::new_err("name a file, such as \"cloth.glb\""));
         }
-        check_tubes(st.unwrap_or(1), sr.unwrap_or(3))?;
+        let st = st.map(|st| whole("st", st, &(1..=MAX_ST))).transpose()?;
+        let sr = sr.map(|sr| whole("sr", sr, &SR)).transpose()?;
         let formats = paths.into_iter().map(|path| Ok((Format::from_path(&path)?, path)));
         let outputs = formats.map(|pair| pair.map(|(format, path)| (path, format)));
         let outputs = outputs.collect::<Result<Vec<_>, _>>();
         let outputs = outputs.map_err(|error| error::of_export(&error))?;
-        check_size(size)?;
+        let size = picture_size(size)?;
         let mut settings = Settings {
             st,
             sr,

@@ -47,6 +47,7 @@ def test_chains() -> None:
         ([], {}, "no chains"),
         (["1-0/1-7//"], {}, "overlap over 6 needles"),
         (["1-0/1-2//"], {"threading": "Ix"}, "no threading mark"),
+        (["1-0/1-2//"], {"threading": ["I", ".I"]}, "2 marks for 1 chains"),
         (["1-0/1-2//"], {"yarn": "thick"}, "no yarn count"),
         (["1-0/1-2//"], {"yarn": ["44 dtex"] * 2}, "given 2 times"),
         (["1-0/1-2//"], {"wales_per_cm": 0.0}, "wales_per_cm"),
@@ -86,6 +87,11 @@ def test_fabric_files(tmp_path: Path) -> None:
         warpknit.Fabric.load(path)
     with pytest.raises(warpknit.FabricError, match="nothere.toml: can't read"):
         warpknit.Fabric.load(tmp_path / "nothere.toml")
+
+
+def test_equal_fabrics_have_equal_hashes() -> None:
+    one, other = (warpknit.Fabric.from_chains(["1-0/1-2//"]) for _ in range(2))
+    assert one == other and len({one, other, warpknit.Fabric.named("locknit")}) == 2
 
 
 def test_fabrics_pickle() -> None:
@@ -157,6 +163,8 @@ def test_arrays_of_a_uv_map() -> None:
         (SQUARE, SQUARE, FACES, r"draped has the shape \(4, 2\)"),
         (SQUARE, BODY, [[0, 1, 2, 3]], r"\(m, 3\), not \(1, 4\)"),
         (SQUARE, BODY, [0, 1, 2], r"\(m, 3\)"),
+        (SQUARE.ravel(), BODY, FACES, r"flat must be numbers in the shape \(n, 2\)"),
+        (SQUARE, "cloth", FACES, r"draped must be numbers in the shape \(n, 3\)"),
     ],
 )
 def test_arrays_that_hold_no_garment(flat: object, draped: object, faces: object, words: str) -> None:
@@ -185,7 +193,7 @@ def test_errors_are_value_errors() -> None:
     assert warpknit.GarmentError.__module__ == "warpknit"
 
 
-@pytest.mark.parametrize("size", [(0, 4), (4, 1001)])
+@pytest.mark.parametrize("size", [(0, 4), (4, 1001), (-1, 4), (4, 2**40)])
 def test_swatches_out_of_range(size: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match="must be between 1 and 1000"):
         warpknit.swatch(warpknit.Fabric.named("tricot"), *size)

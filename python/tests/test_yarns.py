@@ -36,6 +36,8 @@ def test_arrays_have_the_shapes_and_types_that_the_docs_say(yarns: warpknit.Yarn
     for array, shape, kind in arrays:
         assert array.shape == shape and array.dtype == kind
         assert not array.flags.writeable and array.flags.c_contiguous
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            array.setflags(write=True)
     assert yarns.offsets[0] == 0 and yarns.offsets[-1] == n
     assert (np.diff(yarns.offsets) >= 2).all()
     assert set(yarns.bar) == {0, 1} and (yarns.radius > 0).all()
@@ -100,7 +102,7 @@ def test_a_mesh_has_the_triangles_of_the_paper(yarns: warpknit.Yarns) -> None:
     assert (facing > 0).mean() > 0.99
 
 
-@pytest.mark.parametrize("arguments", [{"st": 0}, {"st": 257}, {"sr": 2}, {"sr": 65}, {"flatten": 0.0}])
+@pytest.mark.parametrize("arguments", [{"st": 0}, {"st": -1}, {"st": 257}, {"sr": 2}, {"sr": 65}, {"flatten": 0.0}])
 def test_meshes_out_of_range_are_refused(yarns: warpknit.Yarns, arguments: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="must be between"):
         yarns.to_mesh(**arguments)  # type: ignore[arg-type]
@@ -120,7 +122,8 @@ def test_pictures_are_arrays_and_png(yarns: warpknit.Yarns) -> None:
     ("arguments", "words"),
     [
         ({"view": "side"}, "front, back"),
-        ({"size": (0, 5)}, "size is"),
+        ({"size": (0, 5)}, "width in size is 0"),
+        ({"size": (5, -1)}, "height in size is -1"),
         ({"background": "mauve"}, "no background"),
         ({"shape": "rope"}, "tube, ribbon"),
         ({"spp": 0}, "spp is 0"),

@@ -103,6 +103,8 @@ impl Shared {
             fov: self.fov.to_radians(),
             zoom: self.zoom,
             background: self.background,
+            studio: self.studio.map(SwitchArg::is_on),
+            sun: self.sun,
             renderer: renderer.into(),
             spp,
             samples,

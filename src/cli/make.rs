@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use anyhow::Result;
-use warpknit::pipeline::{self, Clock, Done, PictureSettings, Sequence, Settings, Task};
+use warpknit::pipeline::{self, Body, Clock, Done, PictureSettings, Sequence, Settings, Task};
 
 use super::args::{Drape, Swatch};
 use super::choice::fabric;
-use super::drapes::Drapes;
+use super::drapes::{Drapes, expanded};
 use super::numbers;
 use super::terminal::{Terminal, print, tell};
 
@@ -28,6 +28,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
         enlarge: arguments.laying.enlarge,
         picture: PictureSettings {
             loupe: arguments.loupe.unwrap_or_default(),
+            body: body(arguments)?,
             ..shared_settings.picture
         },
         placement: arguments.laying.placement(),
@@ -45,6 +46,15 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     terminal.clear();
     tell_done(&done, shared.running.quiet);
     Ok(())
+}
+
+/// The body that a garment is shown on.
+fn body(arguments: &Drape) -> Result<Body> {
+    Ok(match &arguments.body {
+        _ if arguments.body_cloth => Body::Lining,
+        Some(path) => Body::Files(expanded(path)?),
+        None => Body::None,
+    })
 }
 
 /// Knits a flat piece of fabric, and prints its numbers.

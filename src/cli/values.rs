@@ -314,6 +314,19 @@ pub(super) fn vector(text: &str) -> Result<DVec3, String> {
         .ok_or_else(|| "write three numbers with commas, such as 0,500,1200".to_owned())
 }
 
+/// Parses the direction to the sun, given as angles in degrees around the camera and above its
+/// level, along the camera's right, up and back axes.
+pub(super) fn sun(text: &str) -> Result<DVec3, String> {
+    let angles = list(text)
+        .filter(|[around, up]: &[f64; 2]| around.abs() <= 360.0 && (-90.0..=90.0).contains(up));
+    let [around, up] = angles.ok_or_else(|| {
+        "write two angles with a comma, such as -40,35: degrees to the right and up, up to 90"
+            .to_owned()
+    })?;
+    let ((side, ahead), (high, level)) = (around.to_radians().sin_cos(), up.to_radians().sin_cos());
+    Ok(DVec3::new(side * level, high, ahead * level))
+}
+
 /// Parses an enlargement. Under 1 cloth would be finer than it is.
 pub(super) fn enlarge(text: &str) -> Result<Enlarge, String> {
     if text == "auto" {

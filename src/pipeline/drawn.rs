@@ -138,7 +138,9 @@ fn find_loupe(job: &Job<'_>, camera: &Camera) -> Result<Option<Loupe>, RunError>
         return Ok(None);
     }
     let size = [picture.size.0, picture.size.1];
-    Loupe::find(picture.loupe, job.cloth.garment(), job.shown.wale_spacing(), camera, size)
+    let light = pictures::options_of(job).light;
+    let wale = job.shown.wale_spacing();
+    Loupe::find(picture.loupe, job.cloth.garment(), wale, (camera, &light), size)
 }
 
 /// The empty scene of a run's pictures, with the box around its cloth.

@@ -74,6 +74,16 @@ pub enum RunError {
         /// The density that was tried.
         source: FabricError,
     },
+    /// Bodies that don't match the frames they stand in.
+    #[error(
+        "--body names {bodies} meshes for {frames} drapes: give one, or as many as there are drapes"
+    )]
+    Bodies {
+        /// Meshes of bodies.
+        bodies: usize,
+        /// Drapes of the garment.
+        frames: usize,
+    },
     /// A fabric that can't be pulled.
     #[error(
         "{fabric}: --stretch solves the repeat of a relaxed knit, and this fabric's can't be solved, \

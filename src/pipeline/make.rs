@@ -6,6 +6,7 @@
 
 use std::cell::RefCell;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -18,6 +19,7 @@ use super::limits::{
 };
 use super::notes;
 use super::pictures::Pictures;
+use super::set;
 use super::settings::Wanted;
 use super::setup::Setup;
 use super::summary::{Done, Laid, RunSummary};
@@ -31,6 +33,7 @@ use crate::export::{ExportError, FileWriter, Format, Output};
 use crate::map::relaxed::StrainCounts;
 use crate::render::cloth;
 use crate::render::scene::Scene;
+use crate::render::set::Set;
 use crate::report::{LoupeReport, PictureReport};
 
 /// A job that is ready to be knitted.
@@ -42,6 +45,8 @@ struct Prepared<'a> {
     points: Vec<Vec3>,
     /// What pictures show, and their empty scene. `None` without pictures.
     pictures: Option<(Drawn<'a>, Scene)>,
+    /// What stands around the cloth in them.
+    set: Option<Arc<Set>>,
     /// Files that are written block by block.
     sinks: Vec<FileWriter<'a>>,
 }
@@ -143,11 +148,13 @@ impl<'a> Prepared<'a> {
         check_places(job, outputs.iter(), &setup.textures)?;
         let points = if job.is_swatch { Vec::new() } else { draped_points(job.cloth.garment()) };
         let has_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
-        let pictures = if has_picture {
+        let (pictures, set) = if has_picture {
             let scene = empty_scene(job, &setup, &points);
-            Some((Drawn::of(job, &setup, &scene, &points)?, scene))
+            let garment = job.cloth.garment();
+            let set = set::of(job, garment, 0, &draped_points(garment))?;
+            (Some((Drawn::of(job, &setup, &scene, &points)?, scene)), set)
         } else {
-            None
+            (None, None)
         };
         check_stitches(job.filed().stitches())?;
         check_pages(&outputs, job.filed().stitches())?;
@@ -157,7 +164,7 @@ impl<'a> Prepared<'a> {
             check_memory("a picture", stitches, drawn.bytes / 1e9, notes::remedy(job))?;
         }
         let sinks = sinks(&outputs, job, &setup, &job.cloth.garment().panels)?;
-        Ok(Self { job, setup, outputs, points, pictures, sinks })
+        Ok(Self { job, setup, outputs, points, pictures, set, sinks })
     }
 
     /// What a person may want to know before the work.
@@ -177,7 +184,7 @@ impl<'a> Prepared<'a> {
         is_last: bool,
         clock: &mut Clock<'_>,
     ) -> Result<Summed<'a>, RunError> {
-        let Self { job, setup, outputs, mut points, mut pictures, mut sinks } = self;
+        let Self { job, setup, outputs, mut points, mut pictures, set, mut sinks } = self;
         let paths: Vec<_> = outputs
             .iter()
             .filter(|(_, format)| *format == Format::Png)
@@ -186,7 +193,7 @@ impl<'a> Prepared<'a> {
         let is_only_drawn = paths.len() == outputs.len();
         clock.begin(if is_last { Task::Strain } else { Task::Render }, 0.0);
         let cache = job.cache();
-        let mut drawing = Pictures::default();
+        let mut drawing = Pictures::new(set);
         let inset = match &pictures {
             Some((drawn, scene)) => drawn.inset(job, &setup, scene, &mut drawing, clock)?,
             None => None,

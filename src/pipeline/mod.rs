@@ -27,6 +27,7 @@ mod numbers;
 mod pictures;
 mod run;
 mod sequence;
+mod set;
 mod settings;
 mod setup;
 mod strain_cache;
@@ -51,7 +52,9 @@ pub use numbers::RealCloth;
 pub use pictures::options;
 pub use run::{drape, swatch};
 pub use sequence::{Motion, Sequence};
-pub use settings::{Densities, Enlarge, LoupeChoice, PictureSettings, Placement, Settings, Wanted};
+pub use settings::{
+    Body, Densities, Enlarge, LoupeChoice, PictureSettings, Placement, Settings, Wanted,
+};
 pub use strain_cache::{StrainCache, cache_folder};
 pub use stretch::{BENDINGS, FREE_PULLS, FreeWidth, STRETCHES, Stretch, Stretched};
 pub use summary::{Done, Laid};

@@ -3,6 +3,7 @@
 //! In: a scene, [`Settings`] and paths. Out: complete files, still under their temporary names.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::Vec3;
 use image::RgbaImage;
@@ -20,6 +21,7 @@ use crate::export::{Output, png};
 use crate::ids::index32;
 use crate::render::fibres as near;
 use crate::render::scene::{Bounds, Scene};
+use crate::render::set::Set;
 use crate::render::{Camera, Painter, RenderOptions, RendererChoice};
 use crate::system::address_space_gb;
 
@@ -30,6 +32,8 @@ const DRIVER_LIMIT_GB: f64 = 4.0;
 /// Drawn pictures, and the name of the renderer that drew them.
 #[derive(Default)]
 pub(super) struct Pictures {
+    /// What stands around the cloth.
+    set: Option<Arc<Set>>,
     pub(super) drawn_by: String,
     /// The reason why another renderer was used than the chosen one.
     pub(super) notice: Option<String>,
@@ -38,6 +42,11 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
+    /// No pictures yet, of cloth in this set.
+    pub(super) fn new(set: Option<Arc<Set>>) -> Self {
+        Self { set, ..Self::default() }
+    }
+
     /// Draws the scene, or a tile of the picture, and writes it to `paths`. With a turntable, the
     /// paths of one output's frames follow each other. The camera sees all of `extent`. Yarns that are
     /// wide enough in the picture are drawn with their fibres. A loupe's inset is drawn over it.
@@ -51,7 +60,7 @@ impl Pictures {
         clock: &mut Clock<'_>,
     ) -> Result<(), RunError> {
         clock.begin(Task::Render, 0.0);
-        let mut options = options_of(job);
+        let mut options = RenderOptions { set: self.set.clone(), ..options_of(job) };
         let cameras = cameras(job.settings, &options, extent);
         // Where yarns are so thin, the graphics processor's pictures are full of noise. All frames of a
         // sequence lie within the extent, so one renderer draws them all.
@@ -99,7 +108,8 @@ impl Pictures {
         job: &Job<'_>,
         loupe: &Loupe,
     ) -> Result<RgbaImage, RunError> {
-        let (camera, options) = (loupe.camera(), inset_options(job, loupe));
+        let options = RenderOptions { set: self.set.clone(), ..inset_options(job, loupe) };
+        let camera = loupe.camera();
         let close_up = close_up(scene, fibres, camera, &options);
         let mut painter = Painter::new(close_up.as_ref().unwrap_or(scene), &options)?;
         self.paint(&mut painter, camera, &options, &|_| ())
@@ -150,9 +160,10 @@ pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
     options.rows = job.tile().map(|tile| tile.share(options.height));
     // The tiles of several machines must fit together, whichever machine has an adapter. The CPU
     // renderer gives the same pixels everywhere. At true gauge yarns are thinner than pixels, and
-    // the graphics processor would leave some out.
+    // the graphics processor would leave some out. It draws no bodies.
     let needs_cpu = job.tile().is_some()
         || job.gauge == Gauge::True
+        || job.settings.picture.has_body()
         || address_space_gb().is_some_and(|limit| limit < DRIVER_LIMIT_GB);
     if needs_cpu && options.renderer == RendererChoice::Auto {
         options.renderer = RendererChoice::Cpu;
@@ -190,6 +201,9 @@ pub fn options(settings: &Settings) -> RenderOptions {
     };
     if let Some(background) = picture.background {
         options.background = background;
+    }
+    if let Some(sun) = picture.sun {
+        options.light.sun_direction = sun.as_vec3();
     }
     options
 }

@@ -30,7 +30,8 @@ use super::job::Job;
 use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
 use super::notes;
 use super::pictures::Pictures;
-use super::settings::Wanted;
+use super::set;
+use super::settings::{Body, Wanted};
 use super::setup::Setup;
 use super::summary::{Done, Laid, RunSummary, say_warnings};
 use super::targets::numbered;
@@ -233,6 +234,12 @@ fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<
     {
         return Err(RunError::FibresOfSequence);
     }
+    if let Body::Files(bodies) = &job.settings.picture.body
+        && bodies.len() > 1
+        && bodies.len() != sequence.paths.len()
+    {
+        return Err(RunError::Bodies { bodies: bodies.len(), frames: sequence.paths.len() });
+    }
     let gb_a_stitch = LOCATED_GB + if wants_picture { PICTURE_GB } else { 0.0 };
     check_memory(
         "a drape sequence",
@@ -371,7 +378,8 @@ impl Show<'_, '_, '_> {
             // A camera with a place of its own needs none.
             let extent = self.extent.as_slice();
             let fibres = self.setup.fibres.as_ref();
-            let mut pictures = Pictures::default();
+            let set = set::of(self.job, garment, number, extent)?;
+            let mut pictures = Pictures::new(set);
             pictures.draw(self.job, scene, fibres, (extent, None), &paths, self.clock)?;
             whole.extend(pictures.files);
             self.drawn_by = pictures.drawn_by;

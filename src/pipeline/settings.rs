@@ -137,8 +137,16 @@ pub struct PictureSettings {
     pub fov: f64,
     /// Magnifies the middle of the picture.
     pub zoom: f64,
-    /// The background. By default white.
+    /// The background. By default white, where there is no studio.
     pub background: Option<Background>,
+    /// Whether the cloth stands in a studio, before floor and wall. By default a garment does, unless
+    /// a background is chosen.
+    pub studio: Option<bool>,
+    /// The body in the cloth of a garment.
+    pub body: Body,
+    /// Direction to the sun along the camera's right, up and back axes. By default that of
+    /// [`crate::render::Light`].
+    pub sun: Option<DVec3>,
     /// The renderer.
     pub renderer: RendererChoice,
     /// Samples for each pixel.
@@ -157,6 +165,18 @@ pub struct PictureSettings {
     pub evenness: Evenness,
     /// The inset that magnifies a place. Swatches, turntables and sequences have none.
     pub loupe: LoupeChoice,
+}
+
+/// The body in the cloth of a garment. It hides the yarns behind it and casts shadows on others.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Body {
+    /// There is none.
+    #[default]
+    None,
+    /// A mesh in the draped axes and the unit of the garment; of a sequence one, or one a frame.
+    Files(Vec<PathBuf>),
+    /// A lining, made from the garment itself.
+    Lining,
 }
 
 /// Where the loupe of a picture looks.
@@ -208,6 +228,9 @@ impl Default for PictureSettings {
             fov: Camera::DEFAULT_FOV,
             zoom: 1.0,
             background: None,
+            studio: None,
+            body: Body::default(),
+            sun: None,
             renderer: RendererChoice::Auto,
             spp: 4,
             samples: 4,

@@ -54,6 +54,7 @@ mod render;
 mod ribbon;
 mod seen;
 mod sequence;
+mod set;
 mod sheen;
 mod strain;
 mod tile;

@@ -76,11 +76,15 @@ fn a_browser_draws_turns_and_magnifies_pages_and_fetches_nothing() {
     let garment = [mesh("pinch_flat.obj"), mesh("pinch_draped.obj")];
     let drape = ["--wales-per-cm", "1", "--courses-per-cm", "1.5", "-o", "garment.html"];
     warpknit(folder.path()).arg("drape").args(&garment).args(drape).assert().success();
-    for (fabric, page) in [("locknit", "warp.html"), ("cable", "weft.html")] {
-        let swatch = ["swatch", "--fabric", fabric, "--wales", "8", "--courses", "8", "-o", page];
+    for (fabric, side, page) in [
+        ("locknit", "8", "warp.html"),
+        ("cable", "8", "weft.html"),
+        ("tricot", "240", "large.html"),
+    ] {
+        let swatch = ["swatch", "--fabric", fabric, "--wales", side, "--courses", side, "-o", page];
         warpknit(folder.path()).args(swatch).assert().success();
     }
-    for page in ["garment.html", "warp.html", "weft.html"] {
+    for page in ["garment.html", "warp.html", "weft.html", "large.html"] {
         let found = probed(browser, folder.path(), page);
         for expected in [
             "draws=true",
@@ -96,6 +100,12 @@ fn a_browser_draws_turns_and_magnifies_pages_and_fetches_nothing() {
             assert!(found.split(' ').any(|word| word == expected), "{page}: {expected}: {found}");
         }
         assert!(!found.contains("facts=0"), "{page}: {found}");
+        if page == "large.html" {
+            // Its loops are finer than pixels: each part of it then has the colour of the whole.
+            let uneven = found.split(' ').find_map(|word| word.strip_prefix("uneven="));
+            let uneven = uneven.and_then(|number| number.parse::<u32>().ok());
+            assert!(uneven.is_some_and(|number| number <= 10), "{page}: {found}");
+        }
     }
 }
 

@@ -19,7 +19,24 @@ async function after(event, target = window) {
   let hash = 0, covered = 0;
   for (let i = 0; i < bytes.length; i++) hash = hash * 31 + bytes[i] | 0;
   for (let i = 3; i < bytes.length; i += 4) covered += bytes[i] > 0;
-  return { hash, covered: covered / (copy.width * copy.height) };
+  return { hash, covered: covered / (copy.width * copy.height), uneven: uneven(bytes, copy.width, copy.height) };
+}
+
+// How far the mean colours of a grid of 5 x 5 places differ at most, of 255; places that are not all yarn are left out.
+function uneven(bytes, width, height) {
+  const cells = Array.from({ length: 25 }, () => [0, 0, 0, 0, 0]);
+  for (let y = 0; y < height; y++)
+    for (let x = 0; x < width; x++) {
+      const cell = cells[5 * Math.floor(5 * y / height) + Math.floor(5 * x / width)], i = 4 * (y * width + x);
+      cell[3]++;
+      if (bytes[i + 3] > 0) {
+        for (let k = 0; k < 3; k++) cell[k] += bytes[i + k];
+        cell[4]++;
+      }
+    }
+  const full = cells.filter(cell => cell[4] > 0.9 * cell[3]);
+  const range = k => { const all = full.map(cell => cell[k] / cell[4]); return Math.max(...all) - Math.min(...all); };
+  return full.length > 3 ? Math.round(Math.max(range(0), range(1), range(2))) : 'unknown';
 }
 const key = name => after(new KeyboardEvent('keydown', { key: name, bubbles: true }));
 // A slow machine draws coarser pictures for a quarter of a second after the view has moved.
@@ -42,6 +59,7 @@ const found = {
   magnifies: loupe.hash !== front.hash,
   zooms: zoomed.covered > front.covered,
   fetched: performance.getEntriesByType('resource').length,
+  uneven: again.uneven,
   facts: document.querySelectorAll('#facts dd').length,
   error: data.error || 'none',
   errors: errors.length ? errors.join(';').replaceAll(/[\s"<>&]+/g, '_') : 'none',

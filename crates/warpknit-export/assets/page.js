@@ -11,7 +11,6 @@ const cloth = JSON.parse($('cloth').textContent), canvas = $('view');
 const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 
 const WIDTH = 2048;                    // of the textures; yarn.vert knows it too
-const GROUP = 4;                       // entries that the coarsest ribbon takes in one step
 const END = 256;                       // flag of the entries behind a strand's last point
 const FOV = Math.PI / 6;
 
@@ -30,18 +29,17 @@ async function inflate(text) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-// The textures' entries, in which each strand begins at a multiple of GROUP and ends with a group of END entries.
+// The textures' entries, in which an END entry stands before the first strand and behind each.
 function unpack(data) {
   const { points, strands } = cloth, lengths = new Uint32Array(data.buffer, 0, strands);
-  const padded = n => (Math.ceil(n / GROUP) + 1) * GROUP;
-  const count = lengths.reduce((sum, n) => sum + padded(n), GROUP), rows = Math.ceil((count + GROUP) / WIDTH);
+  const count = lengths.reduce((sum, n) => sum + n + 1, 1), rows = Math.ceil((count + 1) / WIDTH);
   const places = new Uint16Array(4 * WIDTH * rows).fill(END), directions = new Int8Array(4 * WIDTH * rows), starts = [];
   const signed = (at, i) => { const code = data[at + i] | data[at + points + i] << 8; return code >> 1 ^ -(code & 1); };
   const first = 4 * strands, now = [0, 0, 0, 0, 0, 0];
-  let at = GROUP, i = 0;
+  let at = 1, i = 0;
   for (const n of lengths) {
     starts.push(at);
-    const end = at + padded(n), filled = at + n;
+    const end = at + n + 1, filled = at + n;
     for (; at < end; at++) {
       if (at < filled) {
         for (let k = 0; k < 3; k++) {
@@ -173,14 +171,13 @@ gl.enable(gl.DEPTH_TEST);
 gl.uniform1f(at('grid'), cloth.step);
 gl.uniform3fv(at('low'), origin);
 
-// How finely a chunk is drawn where a mm at its distance has so many pixels: rings an entry, entries a ring, sides.
+// How finely a chunk is drawn where a mm at its distance has so many pixels: rings an entry, and sides. Each entry has
+// a ring at least: with fewer, chords would leave out the tops of loops, and another bar would colour the cloth.
 function detailOf({ bar }, pixels) {
   const thick = cloth.bars[bar].radius * pixels, span = spacing[bar] * pixels;
   // Chords and edges then are less than a third of a pixel off the curve.
-  if (thick > 2) return [clamp(Math.ceil(Math.sqrt(span / 2)), 2, 12), 1, clamp(Math.ceil(4 * Math.sqrt(thick)), 6, 20)];
-  if (span < 0.4) return [1, 4, 2];
-  if (span < 0.9) return [1, 2, 2];
-  return [span < 3 ? 1 : span < 7 ? 2 : 3, 1, 2];
+  if (thick > 2) return [clamp(Math.ceil(Math.sqrt(span / 2)), 2, 12), clamp(Math.ceil(4 * Math.sqrt(thick)), 6, 20)];
+  return [span < 3 ? 1 : span < 7 ? 2 : 3, 2];
 }
 
 function isOutside(planes, [x, y, z], reach) {
@@ -203,7 +200,7 @@ function drawYarns({ clip, eye, pixel }, lens, fineness) {
   let waiting = null, bar = -1;
   const flush = () => {
     if (!waiting) return;
-    const { a, b, detail: [rings, stride, sides] } = waiting, segments = (b - a) / stride * rings;
+    const { a, b, detail: [rings, sides] } = waiting, segments = (b - a) * rings;
     if (waiting.bar !== bar) {
       ({ bar } = waiting);
       gl.uniform3fv(at('color'), cloth.bars[bar].color);
@@ -217,7 +214,7 @@ function drawYarns({ clip, eye, pixel }, lens, fineness) {
       gl.activeTexture(gl.TEXTURE1);
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WIDTH, yarns.rows, gl.RGBA, gl.BYTE, yarns.directions);
     }
-    gl.uniform4i(at('shape'), a, rings, stride, sides);
+    gl.uniform3i(at('shape'), a, rings, sides);
     gl.uniform1i(at('sides'), sides);
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, sides === 2 ? 2 * (segments + 1) : segments * (2 * sides + 2));
     waiting = null;
@@ -357,7 +354,7 @@ function drawLoupe(seen, width, height, scale, fineness) {
   // The ground of the loupe: one triangle over the window at the greatest depth, whatever is there.
   gl.uniform3fv(at('lens'), lens);
   gl.uniform1i(at('sides'), 0);
-  gl.uniform4i(at('shape'), 0, 1, 1, 0);
+  gl.uniform3i(at('shape'), 0, 1, 0);
   gl.depthFunc(gl.ALWAYS);
   gl.drawArrays(gl.TRIANGLES, 0, 3);
   gl.depthFunc(gl.LESS);

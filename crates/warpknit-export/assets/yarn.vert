@@ -17,7 +17,7 @@ uniform vec3 eye, low;                // mm from the cloth's middle
 uniform float grid, radius, pixel;    // mm; mm; mm a pixel has at a distance of 1 mm
 uniform float twist;                  // radians an entry
 uniform vec2 heights;                 // mm of depth at 0 and at 255
-uniform ivec4 shape;                  // first entry; rings an entry; entries a ring; sides
+uniform ivec3 shape;                  // first entry; rings an entry; sides
 
 out vec3 sight, side, front, along, cloth;
 out float across, height, gone, size, around, phase;
@@ -37,7 +37,7 @@ vec3 slope(vec3 a, vec3 b) {
 }
 
 void main() {
-  int sides = shape.w, ring, corner;
+  int sides = shape.z, ring, corner;
   if (sides == 0) {                   // a triangle over the whole window, behind everything
     gone = 0.;
     gl_Position = vec4(4. * vec2(gl_VertexID & 1, gl_VertexID >> 1) - 1., 1., 1.);
@@ -51,9 +51,9 @@ void main() {
     ring = segment + (at & 1);
     corner = at >> 1;
   }
-  int at = shape.x + ring / shape.y * shape.z;
+  int at = shape.x + ring / shape.y;
   float t = float(ring % shape.y) / float(shape.y);
-  uvec4 e = entry(at), next = entry(at + shape.z), before = entry(at - shape.z), after = entry(at + 2 * shape.z);
+  uvec4 e = entry(at), next = entry(at + 1), before = entry(at - 1), after = entry(at + 2);
   bool ends = next.w >= END;
   gone = e.w >= END || ends && t > 0. ? 1. : 0.;
 
@@ -79,7 +79,7 @@ void main() {
   if (cap != 0) gone = 0.;
 
   vec4 here = texelFetch(directions, ivec2(at & 2047, at >> 11), 0);
-  int then = ends ? at : at + shape.z;
+  int then = ends ? at : at + 1;
   vec4 there = texelFetch(directions, ivec2(then & 2047, then >> 11), 0);
   cloth = mix(unit(here.xy), unit(there.xy), t);
   height = mix(heights.x, heights.y, mix(float(e.w & 255u), float((ends ? e : next).w & 255u), t) / 255.);

@@ -15,6 +15,9 @@ pub enum GpuError {
          --renderer cpu"
     )]
     NotBuiltIn,
+    /// A body that would hide yarns.
+    #[error("the graphics adapter can't draw a body: take --renderer cpu")]
+    Body,
     /// The adapter lacks a capability.
     #[error(
         "the graphics adapter {adapter} can't draw yarns, it lacks {lacking}: take --renderer cpu"

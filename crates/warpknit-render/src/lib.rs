@@ -39,6 +39,7 @@ pub mod painter;
 mod paths;
 pub mod ply;
 pub mod scene;
+pub mod set;
 pub mod shade;
 mod shape;
 pub mod sheen;
@@ -54,8 +55,10 @@ pub use painter::Painter;
 pub use tone::Background;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::scene::Scene;
+use crate::set::Set;
 use image::RgbaImage;
 
 /// Which renderer to use.
@@ -89,6 +92,8 @@ pub struct RenderOptions {
     pub sky_rays: u32,
     /// Colour of pixels without yarn.
     pub background: Background,
+    /// What stands around the cloth. By default nothing.
+    pub set: Option<Arc<Set>>,
     /// Sun and sky.
     pub light: Light,
     /// Factor on the light before tone mapping.
@@ -132,6 +137,7 @@ impl Default for RenderOptions {
             spp: 4,
             sky_rays: 2,
             background: Background::default(),
+            set: None,
             light: Light::default(),
             exposure: 1.0,
             samples: 4,

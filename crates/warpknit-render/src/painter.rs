@@ -7,7 +7,7 @@
 use image::RgbaImage;
 
 use crate::scene::Scene;
-use crate::{Camera, GpuError, RenderOptions, RendererChoice, cpu};
+use crate::{Background, Camera, GpuError, RenderOptions, RendererChoice, cpu};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::Uploaded;
@@ -68,7 +68,7 @@ impl<'a> Painter<'a> {
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<RgbaImage, GpuError> {
         if let Some(gpu) = &mut self.gpu {
-            match gpu.draw(self.scene, camera, options) {
+            match in_front_of_set(gpu, self.scene, camera, options) {
                 Ok(picture) => {
                     progress(1.0);
                     return Ok(picture);
@@ -91,4 +91,21 @@ impl<'a> Painter<'a> {
         }
         Ok(())
     }
+}
+
+/// Yarns that the graphics processor draws, in front of the set that the processor draws.
+fn in_front_of_set(
+    gpu: &mut Uploaded,
+    scene: &Scene,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> Result<RgbaImage, GpuError> {
+    let Some(set) = options.set.as_ref().filter(|set| !set.is_empty()) else {
+        return gpu.draw(scene, camera, options);
+    };
+    if set.body.is_some() {
+        return Err(GpuError::Body);
+    }
+    let alone = RenderOptions { background: Background::Transparent, ..options.clone() };
+    Ok(cpu::before_set(gpu.draw(scene, camera, &alone)?, camera, options))
 }

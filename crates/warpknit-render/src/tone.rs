@@ -1,6 +1,7 @@
 //! Tone mapping: from light to pixels.
 //!
-//! In: linear RGB light with the pixel's coverage by yarns. Out: 8-bit sRGB with straight alpha.
+//! In: linear RGB light with the pixel's coverage, by yarns and by the set behind them. Out: 8-bit
+//! sRGB with straight alpha.
 //! The tone curve is the identity up to [`SHOULDER`], so that a yarn's colour in the picture is its
 //! colour. Brighter values approach white without clipping. A background colour is not light: it
 //! appears exactly as given. `shaders/tone.wgsl` repeats this file, and a test compares the two.
@@ -65,28 +66,54 @@ fn hex(digits: &str) -> Option<[u8; 3]> {
     }
 }
 
-/// The pixel for `light`: linear RGB times coverage in xyz, coverage 0..1 in w.
+/// The pixel for the light of yarns and for that of the set behind them. Each is linear RGB times
+/// coverage in xyz, coverage 0..1 in w.
 #[must_use]
-pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
-    let coverage = light.w.clamp(0.0, 1.0);
+pub fn pixel(light: Vec4, behind: Vec4, exposure: f32, background: Background) -> [u8; 4] {
+    over(toned(light, exposure), toned(behind, exposure), background)
+}
+
+/// Light after the tone curve, and its coverage.
+fn toned(light: Vec4, exposure: f32) -> (Vec3, f32) {
     // Undo the multiplication by coverage before the tone curve, which is not linear.
-    let yarn =
+    let color =
         if light.w > 0.0 { shoulder(light.truncate() / light.w * exposure) } else { Vec3::ZERO };
+    (color, light.w.clamp(0.0, 1.0))
+}
+
+/// Two layers over a background.
+fn over(
+    (yarn, coverage): (Vec3, f32),
+    (behind, covered): (Vec3, f32),
+    background: Background,
+) -> [u8; 4] {
     match background {
         Background::Transparent => {
-            let [r, g, b] = encode(yarn);
-            [r, g, b, byte(coverage)]
+            let alpha = coverage + (1.0 - coverage) * covered;
+            let share = if alpha > 0.0 { coverage / alpha } else { 1.0 };
+            let [r, g, b] = encode(behind.lerp(yarn, share));
+            [r, g, b, byte(alpha)]
         }
         // Without yarn the bytes pass through, without a round trip to linear light.
-        Background::Color(color) if coverage == 0.0 => [color[0], color[1], color[2], 255],
+        Background::Color(color) if coverage == 0.0 && covered == 0.0 => {
+            [color[0], color[1], color[2], 255]
+        }
         Background::Color(color) => {
             // Blending happens in linear light. In sRGB codes, edges against a bright background
             // would look too dark.
-            let behind = Vec3::from_array(color.map(|c| linear(f32::from(c) / 255.0)));
-            let [r, g, b] = encode(behind.lerp(yarn, coverage));
+            let color = Vec3::from_array(color.map(|c| linear(f32::from(c) / 255.0)));
+            let [r, g, b] = encode(color.lerp(behind, covered).lerp(yarn, coverage));
             [r, g, b, 255]
         }
     }
+}
+
+/// A pixel of yarns with straight alpha over the set behind them.
+#[must_use]
+pub fn blend(pixel: [u8; 4], behind: Vec4, exposure: f32, background: Background) -> [u8; 4] {
+    let [r, g, b, alpha] = pixel.map(|code| f32::from(code) / 255.0);
+    let yarn = Vec3::from_array([r, g, b].map(linear));
+    over((yarn, alpha), toned(behind, exposure), background)
 }
 
 /// The tone curve: identity up to [`SHOULDER`], then 1 - e^-x, which joins it with the same slope.
@@ -143,7 +170,7 @@ mod tests {
     fn every_srgb_byte_survives_a_round_trip() {
         for value in 0..=255_u8 {
             let color = Background::Color([value; 3]);
-            assert_eq!(pixel(Vec4::ZERO, 1.0, color), [value, value, value, 255]);
+            assert_eq!(pixel(Vec4::ZERO, Vec4::ZERO, 1.0, color), [value, value, value, 255]);
             assert_eq!(encode(Vec3::splat(linear(f32::from(value) / 255.0))), [value; 3]);
         }
     }
@@ -159,9 +186,25 @@ mod tests {
 
     #[test]
     fn transparent_keeps_the_yarns_own_colour() {
-        let half = pixel(Vec4::new(0.25, 0.25, 0.25, 0.5), 1.0, Background::Transparent);
-        let full = pixel(Vec4::new(0.5, 0.5, 0.5, 1.0), 1.0, Background::Transparent);
+        let half =
+            pixel(Vec4::new(0.25, 0.25, 0.25, 0.5), Vec4::ZERO, 1.0, Background::Transparent);
+        let full = pixel(Vec4::new(0.5, 0.5, 0.5, 1.0), Vec4::ZERO, 1.0, Background::Transparent);
         assert_eq!((half[0], half[3], full[0], full[3]), (full[0], 128, full[0], 255));
-        assert_eq!(pixel(Vec4::ZERO, 1.0, Background::Transparent), [0; 4]);
+        assert_eq!(pixel(Vec4::ZERO, Vec4::ZERO, 1.0, Background::Transparent), [0; 4]);
+    }
+
+    #[test]
+    fn yarns_lie_over_the_set_and_the_set_over_the_background() {
+        let (half, red) = (Vec4::new(0.0, 0.25, 0.0, 0.5), Vec4::new(0.4, 0.0, 0.0, 1.0));
+        let blue = Background::Color([0, 0, 255]);
+        let at = |light, behind, background| pixel(light, behind, 1.0, background);
+        assert_eq!(at(Vec4::ZERO, red, blue), at(red, Vec4::ZERO, blue));
+        let [r, g, b] = encode(Vec3::new(0.2, 0.25, 0.0));
+        assert_eq!(at(half, red, blue), [r, g, b, 255]);
+        assert_eq!(at(half, red, Background::Transparent), [r, g, b, 255]);
+        let yarns = at(half, Vec4::ZERO, Background::Transparent);
+        for (one, other) in blend(yarns, red, 1.0, blue).into_iter().zip([r, g, b, 255]) {
+            assert!(one.abs_diff(other) <= 1);
+        }
     }
 }

@@ -31,7 +31,7 @@ use super::values::{
     EdgeArg, FactsFormat, FileUnitArg, FloatArg, InpArg, MappingArg, NodesArg, PrecisionArg,
     RendererArg, RunIn, ShapeArg, SwitchArg, UpArg, UsdCurvesArg, ViewArg, diagram, enlarge,
     field_of_view, finite, flattening, loupe, output, positive, run_in, samples, size, stretch,
-    vector,
+    sun, vector,
 };
 
 /// The fabric, unless one is named.
@@ -246,6 +246,13 @@ pub(crate) struct Drape {
     pub(crate) motion: MotionArgs,
     #[command(flatten)]
     pub(crate) part: Part,
+    /// The body in the cloth, a mesh in the draped axes: it hides yarns and casts shadows. A pattern
+    /// or a folder gives each frame of a sequence its own
+    #[arg(long, value_name = "MESH", conflicts_with = "body_cloth")]
+    pub(crate) body: Option<PathBuf>,
+    /// Line the cloth with an opaque surface, made from the garment itself, in place of a body
+    #[arg(long)]
+    pub(crate) body_cloth: bool,
     /// Magnify the place X,Y of the picture in a round inset until loops can be seen; 0,0 is the top
     /// left corner and 1,1 the bottom right one. Turntables and sequences have none [default: cloth
     /// near the middle, where stitches are under 4 pixels wide]
@@ -405,7 +412,7 @@ pub(crate) struct Chains {
     /// for each --lapping, or one for all [default: I]
     #[arg(long, value_name = "MARKS", requires = "lapping")]
     pub(crate) threading: Vec<String>,
-    /// Yarn count, such as \"78 dtex\" or \"40 den\", in place of the fabric's; one for each bar,
+    /// Yarn count, such as "78 dtex" or "40 den", in place of the fabric's; one for each bar,
     /// front first, the last for all further bars. Densities follow the thickest yarn, unless they
     /// are given
     #[arg(long, value_name = "COUNT")]
@@ -579,9 +586,17 @@ pub(crate) struct Shared {
     /// Magnify the middle of the picture
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) zoom: f64,
-    /// Colour behind the yarns: #rrggbb, white, black, grey or transparent [default: white]
+    /// Colour behind the yarns: #rrggbb, white, black, grey or transparent [default: white, and a
+    /// studio for garments]
     #[arg(long, value_name = "COLOR")]
     pub(crate) background: Option<Background>,
+    /// Stand the cloth in a studio, on a floor that turns up into a wall [default: on for garments
+    /// without --background]
+    #[arg(long, value_enum, value_name = "on|off", num_args = 0..=1, default_missing_value = "on")]
+    pub(crate) studio: Option<SwitchArg>,
+    /// Direction to the sun, degrees: to the right of the camera, and up [default: -38,37]
+    #[arg(long, value_name = "AZ,EL", value_parser = sun, allow_hyphen_values = true)]
+    pub(crate) sun: Option<DVec3>,
     #[command(flatten)]
     pub(crate) drawing: Drawing,
     #[command(flatten)]

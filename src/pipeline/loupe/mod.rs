@@ -76,7 +76,7 @@ impl Loupe {
         choice: LoupeChoice,
         garment: &Garment,
         wale: f64,
-        camera: &Camera,
+        (camera, light): (&Camera, &Light),
         [width, height]: [u32; 2],
     ) -> Result<Option<Self>, RunError> {
         let picture = DVec2::new(f64::from(width), f64::from(height));
@@ -96,7 +96,8 @@ impl Loupe {
                     return Ok(None);
                 }
                 let silhouette = Silhouette::new(garment, camera, picture);
-                let Some((place, shown)) = good_place(&silhouette, garment, wale, camera, picture)
+                let Some((place, shown)) =
+                    good_place(&silhouette, garment, wale, (camera, light), picture)
                 else {
                     return Ok(None);
                 };
@@ -159,10 +160,10 @@ fn good_place(
     silhouette: &Silhouette,
     garment: &Garment,
     wale: f64,
-    camera: &Camera,
+    (camera, light): (&Camera, &Light),
     picture: DVec2,
 ) -> Option<(DVec2, ShownPoint)> {
-    let toward_sun = Light::default().around(camera).toward_sun.as_dvec3();
+    let toward_sun = light.around(camera).toward_sun.as_dvec3();
     let mut found: Vec<(f64, DVec2, DVec3, ShownPoint)> = Vec::new();
     for cell in silhouette.cells() {
         let (Some(shown), at) = (silhouette.at(cell), silhouette.middle(cell)) else { continue };
@@ -261,7 +262,7 @@ mod tests {
 
     fn find(choice: LoupeChoice, wale: f64) -> Result<Option<Loupe>, RunError> {
         let (garment, camera) = beside(500.0);
-        Loupe::find(choice, &garment, wale, &camera, SIZE)
+        Loupe::find(choice, &garment, wale, (&camera, &Light::default()), SIZE)
     }
 
     #[test]
@@ -300,7 +301,8 @@ mod tests {
         let wrong = find(LoupeChoice::At(DVec2::new(0.9, 0.3)), 0.7).unwrap_err().to_string();
         assert!(wrong.contains("0.9,0.3") && !wrong.contains('\n'), "{wrong}");
         let (garment, camera) = beside(500.0);
-        let small = Loupe::find(LoupeChoice::Auto, &garment, 0.7, &camera, [160, 120]);
+        let small =
+            Loupe::find(LoupeChoice::Auto, &garment, 0.7, (&camera, &Light::default()), [160, 120]);
         assert!(small.unwrap().is_none());
     }
 
@@ -310,7 +312,10 @@ mod tests {
         let middle = DVec3::new(200.0, 150.0, 0.0);
         let eye = middle + DVec3::Z * 500.0;
         let camera = Camera::look_at(eye, middle, Camera::DEFAULT_FOV, 1.0);
-        let loupe = Loupe::find(LoupeChoice::Auto, &garment, 0.7, &camera, SIZE).unwrap().unwrap();
+        let loupe =
+            Loupe::find(LoupeChoice::Auto, &garment, 0.7, (&camera, &Light::default()), SIZE)
+                .unwrap()
+                .unwrap();
         let Lines { inset, mark, .. } = loupe.lines;
         assert!((mark.middle - DVec2::new(400.0, 300.0)).length() < 8.0, "{mark:?}");
         let from_border = inset.middle.min(DVec2::new(800.0, 600.0) - inset.middle);

@@ -38,6 +38,7 @@ mod pieces;
 mod ply;
 mod rectangle;
 mod sets;
+pub mod solid;
 mod soup;
 pub mod stretch;
 mod summary;

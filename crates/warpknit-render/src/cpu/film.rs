@@ -22,18 +22,33 @@ struct WeightedSum {
 
 /// Contributions of one row's samples to the row above, to the row itself and to the row below.
 #[derive(Debug)]
-pub(super) struct Splats([Vec<WeightedSum>; 3]);
+pub(super) struct Splats {
+    sums: [Vec<WeightedSum>; 3],
+    /// Light of the set behind each pixel of the row. Empty without a set.
+    behind: Vec<Vec4>,
+}
 
 impl Splats {
     /// An empty row for a picture `width` pixels wide.
     pub(super) fn new(width: u32) -> Self {
-        Self(std::array::from_fn(|_| vec![WeightedSum::default(); width as usize]))
+        let sums = std::array::from_fn(|_| vec![WeightedSum::default(); width as usize]);
+        Self { sums, behind: Vec::new() }
+    }
+
+    /// Appends the light of the set behind the row's next pixel.
+    pub(super) fn push_behind(&mut self, light: Vec4) {
+        self.behind.push(light);
+    }
+
+    /// Light of the set behind a pixel of the row.
+    pub(super) fn behind(&self, x: usize) -> Vec4 {
+        self.behind.get(x).copied().unwrap_or_default()
     }
 
     /// Adds a sample at `place` within pixel `x`, 0..1 to the right and down.
     pub(super) fn add(&mut self, x: u32, place: [f32; 2], light: Vec4) {
         let [across, down] = [tent_weights(place[0]), tent_weights(place[1])];
-        for (row, down) in self.0.iter_mut().zip(down) {
+        for (row, down) in self.sums.iter_mut().zip(down) {
             for (next, across) in (x as usize..).zip(across) {
                 // `next` counts one too far to the right, since pixel x - 1 may lie left of the
                 // picture.
@@ -49,7 +64,7 @@ impl Splats {
     /// weighted lights, and their weights.
     pub(super) fn add_sums(&mut self, x: u32, lights: &[Vec4; NEAR], weights: &[f32; NEAR]) {
         let sums = lights.chunks_exact(3).zip(weights.chunks_exact(3));
-        for (row, (lights, weights)) in self.0.iter_mut().zip(sums) {
+        for (row, (lights, weights)) in self.sums.iter_mut().zip(sums) {
             for (next, (light, weight)) in (x as usize..).zip(lights.iter().zip(weights)) {
                 if let Some(sum) = next.checked_sub(1).and_then(|column| row.get_mut(column)) {
                     sum.light += *light;
@@ -61,7 +76,7 @@ impl Splats {
 
     /// The filtered light of pixel `x` in the middle one of three rows.
     pub(super) fn pixel(rows: &[Self], x: usize) -> Vec4 {
-        let (above, own, below) = (rows[0].0[2][x], rows[1].0[1][x], rows[2].0[0][x]);
+        let (above, own, below) = (rows[0].sums[2][x], rows[1].sums[1][x], rows[2].sums[0][x]);
         let weight = above.weight + own.weight + below.weight;
         // Dividing by the sum of weights (Pharr, Jakob and Humphreys 2016, 'Physically Based
         // Rendering', section 7.8) keeps uniform light uniform, also at the border, where part of a
@@ -92,7 +107,7 @@ mod tests {
         let mut rows = [(); 3].map(|()| Splats::new(3));
         rows[1].add(1, [0.5, 0.5], Vec4::ONE);
         let weights = |rows: &[Splats; 3]| {
-            rows[1].0.each_ref().map(|row| row.iter().map(|sum| sum.weight).collect::<Vec<_>>())
+            rows[1].sums.each_ref().map(|row| row.iter().map(|sum| sum.weight).collect::<Vec<_>>())
         };
         assert_eq!(weights(&rows), [[0.0; 3], [0.0, 1.0, 0.0], [0.0; 3]]);
         rows[1] = Splats::new(3);

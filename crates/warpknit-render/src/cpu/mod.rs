@@ -3,13 +3,15 @@
 //! In: a scene, a camera and options, as for every renderer. Out: the picture. Two methods find the
 //! yarn that a sample of a pixel sees. Ray tracing against a bounding volume hierarchy (`raytrace`) is
 //! the general one. Where no yarn is wider than two pixels, pieces of yarn are drawn as coverage masks
-//! instead (`splat`), which leaves no noise.
+//! instead (`splat`), which leaves no noise. What stands around the cloth is drawn behind them
+//! (`backdrop`).
 //!
 //! The picture is computed in bands of rows. Within a band, tiles of rows run in parallel. No
 //! sample depends on another one, and sums are taken in a fixed order. So the bytes do not depend
 //! on the number of threads, and a few rows of a picture are the same whether they are drawn alone
 //! or with the rest.
 
+pub(crate) mod backdrop;
 mod film;
 pub(crate) mod lit;
 mod raytrace;
@@ -24,6 +26,7 @@ use rayon::prelude::*;
 
 use crate::scene::Scene;
 use crate::{Camera, RenderOptions, tone};
+use backdrop::{Backdrop, Behind};
 use film::Splats;
 use raytrace::RayTracer;
 pub(crate) use raytrace::endless;
@@ -53,6 +56,7 @@ pub fn render(
 ) -> RgbaImage {
     let (width, height) = (options.width, options.height);
     let wanted = options.rows();
+    let backdrop = Backdrop::new(camera, options);
     let mut picture = RgbaImage::new(width, wanted.end - wanted.start);
     // The film's filter reaches one pixel up and down. Hence the samples of the rows next to the
     // wanted ones count too, even where those rows themselves are not wanted.
@@ -82,7 +86,7 @@ pub fn render(
         let tiles: Vec<_> = first_rows
             .map(|first| {
                 let tile = first..end.min(first.saturating_add(TILE));
-                let rows = sample_rows(method.as_ref(), tile, width);
+                let rows = sample_rows(method.as_ref(), backdrop.as_ref(), tile, width);
                 for _ in &rows {
                     let rows_done = done.fetch_add(1, Ordering::Relaxed) + 1;
                     progress(share(rows_done, sampled.end - sampled.start));
@@ -99,6 +103,7 @@ pub fn render(
             for (x, pixel) in pixels.chunks_exact_mut(4).enumerate() {
                 pixel.copy_from_slice(&tone::pixel(
                     Splats::pixel(rows, x),
+                    rows[1].behind(x),
                     options.exposure,
                     options.background,
                 ));
@@ -121,17 +126,46 @@ fn rows_to_sample(options: &RenderOptions) -> Range<u32> {
 }
 
 /// Takes the samples of some rows of pixels, tile after tile.
-fn sample_rows(method: Option<&PictureMethod<'_>>, rows: Range<u32>, width: u32) -> Vec<Splats> {
+fn sample_rows(
+    method: Option<&PictureMethod<'_>>,
+    backdrop: Option<&Backdrop<'_>>,
+    rows: Range<u32>,
+    width: u32,
+) -> Vec<Splats> {
     let mut rows: Vec<_> = rows.map(|y| (y, Splats::new(width))).collect();
-    if let Some(method) = method {
-        for left in (0..width).step_by(TILE as usize) {
-            for (y, splats) in &mut rows {
-                (left..width.min(left.saturating_add(TILE)))
-                    .for_each(|x| method.pixel([x, *y], splats));
+    for left in (0..width).step_by(TILE as usize) {
+        for (y, splats) in &mut rows {
+            for x in left..width.min(left.saturating_add(TILE)) {
+                let behind = backdrop.map_or(Behind::NOTHING, |backdrop| {
+                    let behind = backdrop.pixel([x, *y]);
+                    splats.push_behind(behind.light);
+                    behind
+                });
+                if let Some(method) = method {
+                    method.pixel([x, *y], &behind, splats);
+                }
             }
         }
     }
     rows.into_iter().map(|(_, splats)| splats).collect()
+}
+
+/// A picture of yarns alone, with straight alpha, in front of its set.
+pub(crate) fn before_set(
+    mut yarns: RgbaImage,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> RgbaImage {
+    let Some(backdrop) = Backdrop::new(camera, options) else { return yarns };
+    let row_bytes = (options.width as usize * 4).max(1);
+    yarns.as_mut().par_chunks_mut(row_bytes).enumerate().for_each(|(y, row)| {
+        let y = index32(y);
+        for (pixel, x) in row.as_chunks_mut::<4>().0.iter_mut().zip(0..) {
+            let behind = backdrop.pixel([x, y]).light;
+            *pixel = tone::blend(*pixel, behind, options.exposure, options.background);
+        }
+    });
+    yarns
 }
 
 /// The method that finds the yarn that a sample sees.
@@ -148,11 +182,11 @@ impl PictureMethod<'_> {
         }
     }
 
-    /// Adds the samples of one pixel to the film row that it lies in.
-    fn pixel(&self, pixel: [u32; 2], splats: &mut Splats) {
+    /// Adds the samples of one pixel to the film row that it lies in, before what is behind it.
+    fn pixel(&self, pixel: [u32; 2], behind: &Behind, splats: &mut Splats) {
         match self {
             Self::RayTracer(tracer) => tracer.pixel(pixel, splats),
-            Self::Splatter(splatter) => splatter.pixel(pixel, splats),
+            Self::Splatter(splatter) => splatter.pixel(pixel, behind, splats),
         }
     }
 }

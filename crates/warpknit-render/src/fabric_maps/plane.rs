@@ -65,7 +65,8 @@ impl MappedPlane {
             .map(|y| {
                 let low = f64::from(height - 1 - y) * pixel;
                 let row = (0..width).map(|x| DVec2::new(f64::from(x) * pixel, low));
-                row.map(|corner| tone::pixel(self.mean(corner, pixel), 1.0, background)).collect()
+                row.map(|corner| tone::pixel(self.mean(corner, pixel), Vec4::ZERO, 1.0, background))
+                    .collect()
             })
             .collect();
         RgbaImage::from_fn(width, height, |x, y| Rgba(rows[y as usize][x as usize]))

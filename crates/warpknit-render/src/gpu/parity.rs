@@ -296,7 +296,7 @@ fn formula(u: mat4x4f) -> vec4f {
         );
         let light = (u[0].truncate() * 3.0 * coverage).extend(coverage);
         let [r, g, b, a] =
-            tone::pixel(light, u[2].x, background).map(|byte| f32::from(byte) / 255.0);
+            tone::pixel(light, Vec4::ZERO, u[2].x, background).map(|byte| f32::from(byte) / 255.0);
         Vec4::new(r, g, b, a)
     };
     let expected: Vec<_> = inputs.iter().map(twin).collect();

@@ -23,6 +23,7 @@ use std::f32::consts::TAU;
 
 use glam::{Vec3, Vec4};
 
+use super::backdrop::SKIN;
 use super::film::Splats;
 use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, textured_surface};
 use super::sample::{SampleDimension, Sampler};
@@ -31,6 +32,7 @@ use super::{is_thin, share, to_f32};
 use crate::light::{Rig, SKY_REACH_RADII};
 use crate::ply::{self, YarnPoint};
 use crate::scene::{Bounds, Scene, Shape, YarnLook};
+use crate::set::{LEAVE, Mesh};
 use crate::shade::Surface;
 use crate::sheen::Sheen;
 use crate::{Camera, RenderOptions};
@@ -133,14 +135,36 @@ impl<'a> RayTracer<'a> {
         for index in 0..spp {
             let place = sampler.pair(SampleDimension::Pixel, index, spp);
             let ray = self.eye.primary_ray([x, y], place, sampler.random_bits(index));
-            splats.add(
-                x,
-                place,
-                ray.map_or(Vec4::ZERO, |ray| {
-                    self.sample(&ray, index, &sampler, &mut shared, &mut waiting)
-                }),
-            );
+            let light = ray.map_or(Vec4::ZERO, |mut ray| {
+                ray.reach = self.distance_to_body(&ray) + SKIN;
+                self.sample(&ray, index, &sampler, &mut shared, &mut waiting)
+            });
+            splats.add(x, place, light);
         }
+    }
+
+    /// The set's body.
+    fn body(&self) -> Option<&Mesh> {
+        self.eye.options.set.as_ref()?.body.as_ref()
+    }
+
+    /// A place of the scene in the world, where sets are.
+    fn in_world(&self, place: Vec3) -> Vec3 {
+        place + self.bvh.segments.paths.centre.as_vec3()
+    }
+
+    /// Distance along a primary ray at which it meets the body. It is negative where the body stands
+    /// before the box that the ray starts from.
+    fn distance_to_body(&self, ray: &SceneRay) -> f32 {
+        let (eye, start) = (self.eye.camera.eye().as_vec3(), self.in_world(ray.origin));
+        let hit = self.body().and_then(|body| body.nearest(eye, ray.direction));
+        hit.map_or(f32::INFINITY, |hit| hit.distance - start.distance(eye))
+    }
+
+    /// Whether the body blocks a ray.
+    fn is_body_before(&self, ray: &SceneRay) -> bool {
+        let from = self.in_world(ray.origin);
+        self.body().is_some_and(|body| body.blocks(from, ray.direction, [LEAVE, ray.reach]))
     }
 
     /// Light along a sample's ray, with w = 1 where it meets yarn and w = 0 where it does not.
@@ -281,11 +305,8 @@ impl<'a> RayTracer<'a> {
         if here.surface.normal.dot(toward) <= 0.0 || here.smooth_normal.dot(toward) <= 0.0 {
             return Vec3::ZERO;
         }
-        if self
-            .bvh
-            .occluder(&here.secondary_ray(toward, f32::INFINITY), here.start, waiting)
-            .is_some()
-        {
+        let ray = here.secondary_ray(toward, f32::INFINITY);
+        if self.is_body_before(&ray) || self.bvh.occluder(&ray, here.start, waiting).is_some() {
             return Vec3::ZERO;
         }
         sun_reflection(&self.rig, &here.surface, toward, here.toward_eye)
@@ -310,21 +331,21 @@ impl<'a> RayTracer<'a> {
             // Importance sampling: the density of directions is the cosine over pi, so all rays
             // weigh the same.
             let toward = cosine_direction(here.surface.normal, u);
+            let ray = here.secondary_ray(toward, here.radius * SKY_REACH_RADII);
             // A direction below the smooth surface points into the yarn itself.
             let occluder = if here.smooth_normal.dot(toward) <= 0.0 {
                 Some(here.start)
             } else {
-                self.bvh.occluder(
-                    &here.secondary_ray(toward, here.radius * SKY_REACH_RADII),
-                    here.start,
-                    waiting,
-                )
+                self.bvh.occluder(&ray, here.start, waiting)
             };
-            light += match occluder {
-                Some(start) => self.rig.interior * self.occluder_albedo(start),
-                None => self.rig.sky(toward),
+            // What is between the yarns in front of a body is as bright as they are.
+            let is_open = occluder.is_none() && !self.is_body_before(&ray);
+            light += if is_open {
+                self.rig.sky(toward)
+            } else {
+                self.rig.interior * self.occluder_albedo(occluder.unwrap_or(here.start))
             };
-            open += u32::from(occluder.is_none());
+            open += u32::from(is_open);
         }
         SkyLight { light: light * share(1, rays), open: share(open, rays) }
     }
@@ -343,7 +364,7 @@ impl SurfaceHit {
 
 /// A random direction around `normal`, with a density proportional to the cosine (Malley's method:
 /// a uniform point of the disc, projected up to the hemisphere).
-fn cosine_direction(normal: Vec3, u: [f32; 2]) -> Vec3 {
+pub(super) fn cosine_direction(normal: Vec3, u: [f32; 2]) -> Vec3 {
     let (across, up) = normal.any_orthonormal_pair();
     let (sin, cos) = (TAU * u[1]).sin_cos();
     let r = u[0].sqrt();

@@ -29,6 +29,7 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec4};
 
+use super::backdrop::{Behind, QUARTERS};
 use super::film::{NEAR, Splats, weights_around};
 use super::lit::opaque_sample;
 use super::to_f32;
@@ -42,6 +43,7 @@ use masks::{HalfPlanes, PLACES, places};
 use pieces::SplatPieces;
 use screen::Screen;
 use sun::ShadowMap;
+use tiles::Fragment;
 use visible::{TileRows, tile_rows};
 
 /// Largest length of a piece over its distance from the eye. A piece is interpolated linearly in
@@ -70,6 +72,8 @@ pub(super) struct Splatter<'a> {
     weights: Vec<[f32; NEAR]>,
     /// Sums of all of them.
     total: [f32; NEAR],
+    /// The places of each cell that lie in each quarter of the pixel.
+    quarters: Vec<[u64; QUARTERS]>,
     visible: Option<VisibleRows>,
 }
 
@@ -109,7 +113,10 @@ impl<'a> Splatter<'a> {
         // The sky is fitted to the whole picture, whichever rows of it are wanted.
         let blocks = Blocks::new(&pieces, &screen, tile_rows(&(0..screen.size[1])));
         let rig = options.light.around(camera);
-        let shadows = ShadowMap::new(&pieces, &screen, pixel, rig.toward_sun);
+        let mut shadows = ShadowMap::new(&pieces, &screen, pixel, rig.toward_sun);
+        if let Some(body) = options.set.as_ref().and_then(|set| set.body.as_ref()) {
+            shadows.add_mesh(body, centre);
+        }
         let planes = HalfPlanes::new();
         let fit = LightFit::new(
             Picture {
@@ -137,6 +144,7 @@ impl<'a> Splatter<'a> {
             split,
             total: total(&weights),
             weights,
+            quarters: quarters(split),
             visible: None,
         })
     }
@@ -151,8 +159,8 @@ impl<'a> Splatter<'a> {
         self.visible = Some(VisibleRows { rows: rows.clone(), tiles, layers });
     }
 
-    /// Adds the light of one pixel to its film row.
-    pub(super) fn pixel(&self, [x, y]: [u32; 2], splats: &mut Splats) {
+    /// Adds the light of one pixel to its film row, where no body hides it.
+    pub(super) fn pixel(&self, [x, y]: [u32; 2], behind: &Behind, splats: &mut Splats) {
         let Some(visible) = self.visible.as_ref().filter(|visible| visible.rows.contains(&y))
         else {
             return;
@@ -164,6 +172,12 @@ impl<'a> Splatter<'a> {
             let cell = [x * self.split + number % self.split, y * self.split + number / self.split];
             let corner = Vec2::new(cell[0] as f32, cell[1] as f32);
             for fragment in visible.tiles.cell(cell) {
+                let mask =
+                    fragment.mask & shown(behind, fragment.depth, &self.quarters[number as usize]);
+                let fragment = &Fragment { mask, ..*fragment };
+                if mask == 0 {
+                    continue;
+                }
                 let light = self.lights.of(parts, corner, fragment);
                 let light = light.map_or(Vec4::ZERO, opaque_sample);
                 let sums = weight_of(weights, fragment.mask);
@@ -195,6 +209,26 @@ fn cell_weights(split: u32) -> Vec<[f32; NEAR]> {
             places().map(|place| weights_around(((cell + place) / split as f32).to_array()))
         })
         .collect()
+}
+
+/// The places of all cells that lie in each quarter of a pixel.
+fn quarters(split: u32) -> Vec<[u64; QUARTERS]> {
+    let cells = (0..split).flat_map(|y| (0..split).map(move |x| Vec2::new(x as f32, y as f32)));
+    let of_cell = |cell: Vec2| {
+        let mut masks = [0; QUARTERS];
+        for (bit, place) in places().into_iter().enumerate() {
+            let right_and_low = ((cell + place) * 2.0).cmpge(Vec2::splat(split as f32));
+            masks[right_and_low.bitmask() as usize] |= 1 << bit;
+        }
+        masks
+    };
+    cells.map(of_cell).collect()
+}
+
+/// The places of a cell at which yarn at this depth is not behind a body.
+fn shown(behind: &Behind, depth: f32, quarters: &[u64; QUARTERS]) -> u64 {
+    let shown = behind.reach.iter().zip(quarters).filter(|(reach, _)| depth <= **reach);
+    shown.fold(0, |mask, (_, quarter)| mask | quarter)
 }
 
 /// Sums of the weights of all places.
@@ -324,7 +358,7 @@ mod tests {
                 far.prepare_rows(part);
                 for y in part.clone() {
                     let mut splats = [(); 3].map(|()| Splats::new(30));
-                    (0..30).for_each(|x| far.pixel([x, y], &mut splats[1]));
+                    (0..30).for_each(|x| far.pixel([x, y], &Behind::NOTHING, &mut splats[1]));
                     rows.push((0..30).map(|x| Splats::pixel(&splats, x)).collect::<Vec<_>>());
                 }
             }
@@ -363,7 +397,8 @@ mod tests {
             let options = RenderOptions { width: SIZE, height: SIZE, ..RenderOptions::default() };
             let mut far = Splatter::new(&scene, &bounds, &camera, &options).unwrap();
             far.prepare_rows(&(0..SIZE));
-            let (light, cover) = sums(SIZE, |pixel, splats| far.pixel(pixel, splats));
+            let (light, cover) =
+                sums(SIZE, |pixel, splats| far.pixel(pixel, &Behind::NOTHING, splats));
             // Six times as fine: in large pixels, traced bends are coarse.
             let (width, height) = (6 * SIZE, 6 * SIZE);
             let fine = RenderOptions { width, height, spp: 1, lod: false, ..options.clone() };

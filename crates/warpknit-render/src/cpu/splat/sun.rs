@@ -1,7 +1,7 @@
 //! Shadow map of the sun: the nearest depths on a grid across the sun's rays (Williams 1978,
 //! 'Casting curved shadows on curved surfaces').
 //!
-//! In: pieces, the picture's screen and the direction to the sun. Out: [`ShadowMap`], 4 bytes a
+//! In: pieces, a body's mesh, the picture's screen and the direction to the sun. Out: [`ShadowMap`], 4 bytes a
 //! texel. It covers what the picture shows. Distant shadows, such as that of one fold on another,
 //! have a penumbra as wide as the sun makes it (after Fernando 2005, 'Percentage-closer soft
 //! shadows'). The penumbra of one yarn on its neighbour is finer than a pixel and is left out.
@@ -15,6 +15,7 @@ use super::outline::CapsuleOutline;
 use super::pieces::SplatPieces;
 use super::screen::Screen;
 use crate::light::SKY_REACH_RADII;
+use crate::set::Mesh;
 
 /// Size of a texel, radii of the thinnest yarn. Finer texels resolve what no pixel shows. Coarser
 /// ones let light through between yarns, or close the gaps.
@@ -86,6 +87,39 @@ impl ShadowMap {
         pieces.for_each(|point| Some(map.project(point)), |ends, radius| map.splat(ends, radius));
         map.blocks = map.blocks();
         map
+    }
+
+    /// Adds the shadow of a mesh, whose places are in the world, to that of pieces around `centre`.
+    pub(super) fn add_mesh(&mut self, mesh: &Mesh, centre: Vec3) {
+        for corners in mesh.corners() {
+            self.fill(corners.map(|corner| self.project(corner - centre)));
+        }
+        self.blocks = self.blocks();
+    }
+
+    /// Rasterises a triangle into the map.
+    fn fill(&self, [a, b, c]: [Vec3; 3]) {
+        let limit = Vec2::new(self.size[0] as f32, self.size[1] as f32);
+        let clamp = |at: Vec3| at.truncate().clamp(Vec2::ZERO, limit);
+        let low = clamp(a.min(b).min(c)).floor().as_uvec2();
+        let high = clamp(a.max(b).max(c)).ceil().as_uvec2();
+        let (one, other) = (b - a, c - a);
+        let area = one.truncate().perp_dot(other.truncate());
+        if area == 0.0 {
+            return;
+        }
+        for y in low.y..high.y {
+            for x in low.x..high.x {
+                let at = Vec2::new(x as f32, y as f32) + 0.5 - a.truncate();
+                let u = at.perp_dot(other.truncate()) / area;
+                let v = one.truncate().perp_dot(at) / area;
+                if u >= 0.0 && v >= 0.0 && u + v <= 1.0 {
+                    let depth = (a.z + u * one.z + v * other.z).max(0.0).to_bits();
+                    let texel = y as usize * self.size[0] as usize + x as usize;
+                    self.nearest[texel].fetch_min(depth, Ordering::Relaxed);
+                }
+            }
+        }
     }
 
     /// Rasterises one piece into the map.

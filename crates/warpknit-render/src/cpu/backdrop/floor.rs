@@ -1,0 +1,79 @@
+//! The light of a studio's floor: the shadow of what stands on it.
+//!
+//! In: a [`Set`] and its [`Cove`]. Out: [`FloorLight`], the fractions of the sun's and of the sky's
+//! light in squares of the floor, interpolated between their middles. In pictures of common sizes,
+//! squares are about a hundredth of the cloth wide. The sun's penumbra is wider than that but for the
+//! last centimetres of a cloth.
+
+use glam::{Vec2, Vec3, Vec3Swizzles};
+use rayon::prelude::*;
+
+use super::open_sky;
+use crate::cpu::sample::{SampleDimension, Sampler};
+use crate::light::Rig;
+use crate::set::{Cove, Set};
+
+/// Pixels of the picture's width for each square across, and limits of their number. More squares
+/// resolve the shadow's edge at the cloth's foot, at a cost of as many rays.
+const PIXELS: usize = 6;
+const SIDES: [usize; 2] = [48, 192];
+/// Half the side of the lit square of the floor, in diagonals of the cloth's box.
+const REACH: f32 = 1.25;
+/// Share of it, at its border, over which shadows fade out.
+const FADE: f32 = 0.2;
+/// Rays from each square into the sky and to the sun.
+const SKY_RAYS: u32 = 64;
+const SUN_RAYS: u32 = 16;
+
+/// Light in squares of the floor.
+#[derive(Debug)]
+pub(super) struct FloorLight {
+    /// The corner with the smallest x and z, mm.
+    corner: Vec2,
+    /// Squares across and down.
+    side: usize,
+    /// Side of a square, mm.
+    step: f32,
+    /// Of each square the fractions of the sun's and of the sky's light.
+    squares: Vec<[f32; 2]>,
+}
+
+impl FloorLight {
+    /// The light of the floor in a picture of so many pixels across.
+    pub(super) fn new(set: &Set, cove: &Cove, rig: &Rig, width: u32) -> Self {
+        let side = (width as usize / PIXELS).clamp(SIDES[0], SIDES[1]);
+        let step = 2.0 * REACH * cove.size / side as f32;
+        let corner = cove.foot.xz() - REACH * cove.size;
+        let suns = Sampler::new(0, 0, 0).pairs(SampleDimension::Sun, SUN_RAYS);
+        let squares = (0..side * side).into_par_iter().map(|number| {
+            let place = Vec2::new((number % side) as f32, (number / side) as f32);
+            let at = corner + (place + 0.5) * step;
+            let place = Vec3::new(at.x, cove.foot.y, at.y);
+            let toward = |ray| rig.sun_sample(suns.at(ray));
+            let lit: f32 = (0..SUN_RAYS).map(|ray| set.passes(place, toward(ray))).sum();
+            [lit / SUN_RAYS as f32, open_sky(set, place, Vec3::Y, SKY_RAYS)]
+        });
+        Self { corner, side, step, squares: squares.collect() }
+    }
+
+    /// The fractions at a place of the floor, or above it.
+    pub(super) fn at(&self, place: Vec3) -> [f32; 2] {
+        let at = (place.xz() - self.corner) / self.step - 0.5;
+        let last = (self.side - 1) as f32;
+        let inside = at.min(last - at).min_element();
+        if inside <= 0.0 {
+            return [1.0; 2];
+        }
+        let (corner, part) = (at.floor(), at.fract());
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside")]
+        let first = corner.y as usize * self.side + corner.x as usize;
+        let [top, bottom] = [first, first + self.side]
+            .map(|row| mix(self.squares[row], self.squares[row + 1], part.x));
+        let fade = (inside / (FADE * last / 2.0)).min(1.0);
+        mix([1.0; 2], mix(top, bottom, part.y), fade)
+    }
+}
+
+fn mix(one: [f32; 2], other: [f32; 2], share: f32) -> [f32; 2] {
+    std::array::from_fn(|i| one[i] + (other[i] - one[i]) * share)
+}

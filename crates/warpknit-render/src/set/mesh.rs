@@ -1,0 +1,204 @@
+//! Triangles that rays are tested against.
+//!
+//! In: vertices with normals, and triangles. Out: [`Mesh`]. The tree is that of the crate `obvhs`:
+//! eight-wide nodes with compressed boxes (Ylitie, Karras and Laine 2017, 'Efficient incoherent ray
+//! traversal on GPUs through compressed wide BVHs'). Triangles are tested by Möller and Trumbore
+//! (1997). A hundred thousand triangles take about 0.1 s to build and 10 MB.
+//!
+//! Not promised: that no ray passes along the edge between two triangles.
+
+use std::collections::HashSet;
+use std::time::Duration;
+
+use glam::{Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh_from_tris;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::triangle::Triangle;
+
+use crate::scene::Bounds;
+
+/// A surface of triangles, mm.
+#[derive(Debug)]
+pub struct Mesh {
+    triangles: Vec<Triangle>,
+    /// The corners of each triangle.
+    corners: Vec<[u32; 3]>,
+    positions: Vec<Vec3>,
+    /// Unit normals of the vertices.
+    normals: Vec<Vec3>,
+    tree: CwBvh,
+    bounds: Bounds,
+}
+
+/// Where a ray meets a mesh.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MeshHit {
+    pub(crate) distance: f32,
+    pub(crate) triangle: usize,
+    /// Weights of the corners.
+    pub(crate) weights: [f32; 3],
+}
+
+impl Mesh {
+    /// A mesh of the triangles that have an area. `None` without any.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use warpknit_render::set::Mesh;
+    /// let places = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// assert!(Mesh::new(places.clone(), vec![Vec3::Z; 3], &[[0, 1, 2]]).is_some());
+    /// assert!(Mesh::new(places, vec![Vec3::Z; 3], &[[0, 1, 1]]).is_none());
+    /// ```
+    #[must_use]
+    pub fn new(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: &[[u32; 3]]) -> Option<Self> {
+        let mut known = HashSet::new();
+        let corner = |vertex: u32| Vec3A::from(positions[vertex as usize]);
+        let is_surface = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(corner);
+            (b - a).cross(c - a).length_squared() > 0.0
+        };
+        // Copies of a triangle would make the builder slow, and add nothing.
+        let is_first = |corners: &[u32; 3]| {
+            let mut sorted = corners.map(|vertex| corner(vertex).to_array().map(f32::to_bits));
+            sorted.sort_unstable();
+            known.insert(sorted)
+        };
+        let corners: Vec<[u32; 3]> =
+            triangles.iter().copied().filter(is_surface).filter(is_first).collect();
+        let triangles: Vec<Triangle> = (corners.iter())
+            .map(|corners| {
+                let [v0, v1, v2] = corners.map(corner);
+                Triangle { v0, v1, v2 }
+            })
+            .collect();
+        let used: Vec<Vec3> =
+            corners.iter().flatten().map(|&vertex| positions[vertex as usize]).collect();
+        let bounds = Bounds::around(&used)?;
+        let mut time = Duration::ZERO;
+        let tree = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut time);
+        Some(Self { triangles, corners, positions, normals, tree, bounds })
+    }
+
+    /// The box around it.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// Its vertices, with their unit normals.
+    pub(crate) fn vertices(&self) -> (&[Vec3], &[Vec3]) {
+        (&self.positions, &self.normals)
+    }
+
+    /// The corners' places of each triangle.
+    pub(crate) fn corners(&self) -> impl Iterator<Item = [Vec3; 3]> {
+        self.corners.iter().map(|corners| corners.map(|vertex| self.positions[vertex as usize]))
+    }
+
+    /// The nearest triangle along a ray from `from` in the unit direction `toward`.
+    pub(crate) fn nearest(&self, from: Vec3, toward: Vec3) -> Option<MeshHit> {
+        let (ray, mut hit) = (ray(from, toward, [0.0, f32::INFINITY]), RayHit::none());
+        if !self.tree.ray_traverse(ray, &mut hit, |ray, slot| self.of(slot).intersect(ray)) {
+            return None;
+        }
+        let triangle = self.tree.primitive_indices[hit.primitive_id as usize] as usize;
+        let weights = barycentric(&self.triangles[triangle], from + toward * hit.t);
+        Some(MeshHit { distance: hit.t, triangle, weights })
+    }
+
+    /// Whether any triangle lies within these distances along a ray.
+    pub(crate) fn blocks(&self, from: Vec3, toward: Vec3, within: [f32; 2]) -> bool {
+        let ray = ray(from, toward, within);
+        !self.tree.ray_traverse_miss(ray, |ray, slot| self.of(slot).intersect(ray))
+    }
+
+    /// Calls `visit` with the cosine between ray and normal for each triangle beyond a distance.
+    pub(crate) fn for_each_crossing(
+        &self,
+        from: Vec3,
+        toward: Vec3,
+        least: f32,
+        mut visit: impl FnMut(f32),
+    ) {
+        let ray = ray(from, toward, [least, f32::INFINITY]);
+        self.tree.ray_traverse_anyhit(ray, |ray, slot| {
+            let triangle = self.of(slot);
+            if triangle.intersect(ray).is_finite() {
+                visit(triangle.compute_normal().dot(ray.direction).abs());
+            }
+        });
+    }
+
+    /// What the corners of a hit triangle have, weighted.
+    pub(crate) fn interpolate(&self, hit: &MeshHit, of: impl Fn(usize) -> Vec3) -> Vec3 {
+        let corners = self.corners[hit.triangle].iter().zip(hit.weights);
+        corners.map(|(vertex, weight)| of(*vertex as usize) * weight).sum()
+    }
+
+    fn of(&self, slot: usize) -> &Triangle {
+        &self.triangles[self.tree.primitive_indices[slot] as usize]
+    }
+}
+
+/// Weights of a triangle's corners at a place in its plane.
+fn barycentric(triangle: &Triangle, place: Vec3) -> [f32; 3] {
+    let (one, other) = (triangle.v1 - triangle.v0, triangle.v2 - triangle.v0);
+    let (normal, from) = (one.cross(other), Vec3A::from(place) - triangle.v0);
+    let scale = normal.length_squared().recip();
+    let (u, v) = (from.cross(other).dot(normal) * scale, one.cross(from).dot(normal) * scale);
+    [1.0 - u - v, u, v]
+}
+
+fn ray(from: Vec3, toward: Vec3, [least, most]: [f32; 2]) -> Ray {
+    Ray::new(from.into(), toward.into(), least, most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn mesh(places: &[[f32; 3]]) -> Option<Mesh> {
+        let positions: Vec<Vec3> = places.iter().copied().map(Vec3::from).collect();
+        let triangles: Vec<[u32; 3]> =
+            (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let normals = vec![Vec3::Z; positions.len()];
+        Mesh::new(positions, normals, &triangles)
+    }
+
+    proptest! {
+        #[test]
+        fn the_tree_finds_what_all_triangles_have(
+            places in prop::collection::vec(prop::array::uniform3(-10.0..10.0_f32), 3..120),
+            from in prop::array::uniform3(-20.0..20.0_f32),
+            aim in prop::array::uniform3(-5.0..5.0_f32),
+        ) {
+            let Some(mesh) = mesh(&places) else { return Ok(()) };
+            let from = Vec3::from(from);
+            let toward = (Vec3::from(aim) - from).normalize_or(Vec3::X);
+            let all = ray(from, toward, [0.0, f32::INFINITY]);
+            let distances: Vec<f32> =
+                mesh.triangles.iter().map(|one| one.intersect(&all)).filter(|t| t.is_finite()).collect();
+            let nearest = distances.iter().copied().fold(f32::INFINITY, f32::min);
+            let hit = mesh.nearest(from, toward);
+            prop_assert_eq!(hit.map_or(f32::INFINITY, |hit| hit.distance), nearest);
+            if let Some(hit) = hit {
+                let place = mesh.interpolate(&hit, |vertex| mesh.positions[vertex]);
+                prop_assert!(place.distance(from + toward * hit.distance) < 1e-2);
+            }
+            prop_assert_eq!(mesh.blocks(from, toward, [0.0, f32::INFINITY]), !distances.is_empty());
+            let mut crossings = 0;
+            mesh.for_each_crossing(from, toward, 0.0, |_| crossings += 1);
+            prop_assert_eq!(crossings, distances.len());
+        }
+    }
+
+    #[test]
+    fn many_copies_of_a_triangle_are_one() {
+        let one = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let places: Vec<[f32; 3]> = one.iter().copied().cycle().take(600_000).collect();
+        assert_eq!(mesh(&places).unwrap().triangles.len(), 1);
+    }
+}

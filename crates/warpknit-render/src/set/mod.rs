@@ -1,0 +1,59 @@
+//! The set of a picture: what stands around the cloth.
+//!
+//! In: surfaces in the draped axes, mm. Out: a [`Set`], which renderers place behind and under the
+//! yarns. A body hides yarns and casts shadows on them. The cloth's own surface dims the light that
+//! falls on the body and on the floor: its yarns need not be there for that. The studio's floor turns
+//! up into a wall without an edge (`cove`), and stands square to the camera.
+//!
+//! Not promised: that bodies reflect light onto the cloth.
+
+mod cove;
+mod mesh;
+
+use glam::Vec3;
+
+use crate::scene::Bounds;
+pub(crate) use cove::Cove;
+pub use mesh::Mesh;
+pub(crate) use mesh::MeshHit;
+
+/// What stands around the cloth.
+#[derive(Debug, Default)]
+pub struct Set {
+    /// The box around what stands in a studio, on its floor and before its wall. `None` for no studio.
+    pub studio: Option<Bounds>,
+    /// An opaque body.
+    pub body: Option<Mesh>,
+    /// The cloth as a surface, and the share of it that its yarns hide, seen face on.
+    pub cloth: Option<(Mesh, f32)>,
+}
+
+/// Steepness below which a ray counts as no flatter along a cloth. There is a limit to how much cloth
+/// hides when seen along it.
+const FLATTEST: f32 = 0.1;
+/// Length of rays by which light leaves a surface before it may be blocked, mm. A shorter one lets a
+/// surface block its own light. A longer one loses the shadow where cloth lies on a body.
+pub(crate) const LEAVE: f32 = 0.2;
+
+impl Set {
+    /// Whether there is nothing in it.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.studio.is_none() && self.body.is_none()
+    }
+
+    /// Fraction of the light that reaches a point of the set from a direction.
+    pub(crate) fn passes(&self, from: Vec3, toward: Vec3) -> f32 {
+        let body = self.body.as_ref();
+        if body.is_some_and(|body| body.blocks(from, toward, [LEAVE, f32::INFINITY])) {
+            return 0.0;
+        }
+        let Some((cloth, cover)) = &self.cloth else { return 1.0 };
+        let mut passed = 1.0;
+        cloth.for_each_crossing(from, toward, LEAVE, |cosine| {
+            // Light crosses cloth obliquely along a longer way between its yarns.
+            passed *= (1.0 - cover).powf(cosine.max(FLATTEST).recip());
+        });
+        passed
+    }
+}

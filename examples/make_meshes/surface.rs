@@ -1,0 +1,86 @@
+//! The surface of a body as a mesh.
+//!
+//! In: a [`Body`]. Out: vertices in cm and quadrilaterals, counter-clockwise from outside.
+//!
+//! Method: naive surface nets (Gibson 1998, "Constrained elastic surface nets"). Each cell of a grid
+//! that the surface crosses has one vertex, the mean of its crossings with the cell's edges. Each edge
+//! of the grid that it crosses has the quadrilateral of the four cells around.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, IVec3};
+
+use crate::body::Body;
+
+/// Side of the grid's cells, cm.
+const SPACING: f64 = 1.5;
+/// Half the side of the grid, cells, around the origin.
+const REACH: i32 = 70;
+
+/// Vertices, and the corners of quadrilaterals.
+pub(crate) struct Surface {
+    pub(crate) vertices: Vec<DVec3>,
+    pub(crate) quads: Vec<[u32; 4]>,
+}
+
+impl Surface {
+    pub(crate) fn of(body: &Body) -> Self {
+        // Far from the surface the distance says how many cells can be left out.
+        let near = |cell: IVec3| body.touch(at(cell)).distance.abs() < 3.0 * SPACING;
+        let range = || -REACH..REACH;
+        let cells = range()
+            .flat_map(|z| range().flat_map(move |y| range().map(move |x| IVec3::new(x, y, z))));
+        let mut surface = Self { vertices: Vec::new(), quads: Vec::new() };
+        let mut numbers = HashMap::new();
+        let is_inside = |cell: IVec3| body.touch(at(cell)).distance < 0.0;
+        for cell in cells.filter(|cell| near(*cell)) {
+            for (axis, across, up) in [
+                (IVec3::X, IVec3::Y, IVec3::Z),
+                (IVec3::Y, IVec3::Z, IVec3::X),
+                (IVec3::Z, IVec3::X, IVec3::Y),
+            ] {
+                let (here, there) = (is_inside(cell), is_inside(cell + axis));
+                if here == there {
+                    continue;
+                }
+                let around = [cell, cell - across, cell - across - up, cell - up];
+                let mut quad = around.map(|cell| {
+                    *numbers.entry(cell).or_insert_with(|| {
+                        surface.vertices.push(middle_of_crossings(body, cell));
+                        u32::try_from(surface.vertices.len() - 1).expect("some thousand vertices")
+                    })
+                });
+                if !here {
+                    quad.reverse();
+                }
+                surface.quads.push(quad);
+            }
+        }
+        surface
+    }
+}
+
+/// The mean of the points at which the surface crosses the edges of a cell.
+fn middle_of_crossings(body: &Body, cell: IVec3) -> DVec3 {
+    let corners = [IVec3::ZERO, IVec3::X, IVec3::Y, IVec3::Z, IVec3::ONE - IVec3::X]
+        .into_iter()
+        .chain([IVec3::ONE - IVec3::Y, IVec3::ONE - IVec3::Z, IVec3::ONE]);
+    let corners: Vec<(IVec3, f64)> =
+        corners.map(|corner| (corner, body.touch(at(cell + corner)).distance)).collect();
+    let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+    for (one, here) in &corners {
+        for (other, there) in &corners {
+            let is_edge = (*other - *one).element_sum() == 1 && (*other - *one).min_element() == 0;
+            if is_edge && (*here < 0.0) != (*there < 0.0) {
+                sum += at(cell + *one).lerp(at(cell + *other), here / (here - there));
+                count += 1.0;
+            }
+        }
+    }
+    sum / count
+}
+
+/// The lowest corner of a cell, cm.
+fn at(cell: IVec3) -> DVec3 {
+    cell.as_dvec3() * SPACING
+}

@@ -1,0 +1,70 @@
+//! The set of a run's pictures: the studio, the body, and the cloth as a surface.
+//!
+//! In: a [`Job`], and its garment as it is draped. Out: a [`Set`], or `None` where nobody wants one.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::RunError;
+use super::job::Job;
+use super::settings::{Body, PictureSettings};
+use crate::garment::Garment;
+use crate::garment::solid::Solid;
+use crate::knit::numbers;
+use crate::render::scene::Bounds;
+use crate::render::set::{Mesh, Set};
+
+/// Distance of a lining behind the technical face's middle, in wales. A smaller one comes through the
+/// loops of thick cloth. A larger one shows the lining beside the cloth at its outline.
+const LINING_WALES: f64 = 1.5;
+
+impl PictureSettings {
+    /// Whether a body stands in the cloth.
+    pub(super) fn has_body(&self) -> bool {
+        self.body != Body::None
+    }
+}
+
+/// The set around a garment, in frame number `frame` of a sequence. `around` are points around the
+/// cloth in all frames.
+pub(super) fn of(
+    job: &Job<'_>,
+    garment: &Garment,
+    frame: usize,
+    around: &[Vec3],
+) -> Result<Option<Arc<Set>>, RunError> {
+    let picture = &job.settings.picture;
+    // A chosen background would not be seen in a studio.
+    let by_itself = !job.is_swatch && picture.background.is_none();
+    let has_studio = picture.studio.unwrap_or(by_itself);
+    if !has_studio && !picture.has_body() {
+        return Ok(None);
+    }
+    let body = body(job, garment, frame)?.and_then(|body| mesh(&body));
+    let standing = Bounds::around(around).into_iter().chain(body.as_ref().map(Mesh::bounds));
+    let studio = if has_studio { standing.reduce(Bounds::union) } else { None };
+    let cover = numbers::measure(job.shown, job.cloth.pattern()).cover;
+    #[expect(clippy::cast_possible_truncation, reason = "a share needs no more")]
+    let cloth = mesh(&Solid::lining(garment, 0.0)).map(|cloth| (cloth, cover as f32));
+    Ok(Some(Arc::new(Set { studio, body, cloth })))
+}
+
+/// The body in the cloth, if there is one.
+fn body(job: &Job<'_>, garment: &Garment, frame: usize) -> Result<Option<Solid>, RunError> {
+    Ok(match &job.settings.picture.body {
+        Body::None => None,
+        Body::Lining => Some(Solid::lining(garment, LINING_WALES * job.shown.wale_spacing())),
+        // One body stands still, and several move with the frames.
+        Body::Files(files) => match files.get(frame).or(files.last()) {
+            Some(file) => Some(Solid::read(file, garment)?),
+            None => None,
+        },
+    })
+}
+
+/// A solid as renderers take it. `None` where it has no area.
+fn mesh(solid: &Solid) -> Option<Mesh> {
+    let narrow = |places: &[DVec3]| places.iter().map(|place| place.as_vec3()).collect();
+    Mesh::new(narrow(&solid.positions), narrow(&solid.normals), &solid.triangles)
+}
