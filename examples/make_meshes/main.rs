@@ -1,9 +1,9 @@
 //! Makes the garments in `meshes/`: cuts, sews, drapes, checks and writes them.
 //!
 //! In: nothing. Out: `skirt`, `tube` and `pinch` as pairs of flat and draped OBJ files, `tshirt` as
-//! one OBJ file with its pattern in `vt`, the bodies in them, and a table of results on standard output. The bytes are
-//! the same for any number of threads. The program fails if a garment is stretched too much, faces
-//! inwards, or intersects the body.
+//! one OBJ file with its pattern in `vt`, the bodies in them, and a table of results on standard
+//! output. The bytes are the same for any number of threads. The program fails if a garment is
+//! stretched too much, faces inwards, or intersects the body.
 //!
 //! `cargo run --release --example make_meshes [FOLDER]`, with `meshes` as the default folder.
 

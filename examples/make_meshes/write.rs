@@ -2,8 +2,8 @@
 //!
 //! In: a pattern and its draped positions. Out: either two files, flat and draped, whose vertices
 //! and faces correspond one to one, or one file whose `v` are draped and welded at the seams and
-//! whose `vt` are the flat pattern; and a body. Four decimals (a micrometre) change the stretch of a 5 mm edge
-//! by at most 0.03 %.
+//! whose `vt` are the flat pattern; and a body. Four decimals (a micrometre) change the stretch of a
+//! 5 mm edge by at most 0.03 %.
 
 use std::{fmt::Write as _, fs, path::Path};
 

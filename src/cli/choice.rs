@@ -103,7 +103,6 @@ impl Shared {
             fov: self.fov.to_radians(),
             zoom: self.zoom,
             background: self.background,
-            studio: self.studio.map(SwitchArg::is_on),
             sun: self.sun,
             renderer: renderer.into(),
             spp,

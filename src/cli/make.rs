@@ -10,6 +10,7 @@ use super::choice::fabric;
 use super::drapes::{Drapes, expanded};
 use super::numbers;
 use super::terminal::{Terminal, print, tell};
+use super::values::SwitchArg;
 
 /// Knits a fabric onto a garment.
 pub(crate) fn drape(arguments: &Drape) -> Result<()> {
@@ -28,6 +29,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
         enlarge: arguments.laying.enlarge,
         picture: PictureSettings {
             loupe: arguments.loupe.unwrap_or_default(),
+            studio: arguments.stage.studio.map(SwitchArg::is_on),
             body: body(arguments)?,
             ..shared_settings.picture
         },
@@ -67,8 +69,16 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let is_path = fabric.name.is_empty() || fabric.name.contains(['/', '\\']);
     let stem = if is_path { "swatch" } else { &fabric.name };
     let source = shared.source(&fabric, Vec::new(), Path::new(stem));
-    let settings =
-        Settings { tile: arguments.part.tile, stretch: arguments.stretch, ..shared.settings() };
+    let shared_settings = shared.settings();
+    let settings = Settings {
+        tile: arguments.part.tile,
+        stretch: arguments.stretch,
+        picture: PictureSettings {
+            studio: arguments.stage.studio.map(SwitchArg::is_on),
+            ..shared_settings.picture
+        },
+        ..shared_settings
+    };
     let size = [arguments.wales, arguments.courses];
     let done = pipeline::swatch(size, &fabric, &source, &settings, clock)?;
     terminal.clear();

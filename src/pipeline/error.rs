@@ -76,7 +76,7 @@ pub enum RunError {
     },
     /// Bodies that don't match the frames they stand in.
     #[error(
-        "--body names {bodies} meshes for {frames} drapes: give one, or as many as there are drapes"
+        "--body names {bodies} meshes and there are {frames} drapes: give one mesh, or one for each drape"
     )]
     Bodies {
         /// Meshes of bodies.

@@ -150,6 +150,7 @@ impl<'a> Prepared<'a> {
         let has_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
         let (pictures, set) = if has_picture {
             let scene = empty_scene(job, &setup, &points);
+            set::check(job, 1)?;
             let garment = job.cloth.garment();
             let set = set::of(job, garment, 0, &draped_points(garment))?;
             (Some((Drawn::of(job, &setup, &scene, &points)?, scene)), set)
@@ -174,7 +175,15 @@ impl<'a> Prepared<'a> {
         let sizes = notes::sizes(self.job, jobs.len() > 1, drawn, &self.setup);
         let own = self.job.notes.iter().cloned();
         let ribbons = notes::ribbons(self.job, &self.outputs);
-        sizes.into_iter().chain(own).chain(ribbons).chain(loupe.map(|loupe| loupe.note())).collect()
+        // The files beside a picture at true gauge are a job of their own.
+        let body = notes::unseen_body(self.job, &self.outputs).filter(|_| jobs.len() == 1);
+        sizes
+            .into_iter()
+            .chain(own)
+            .chain(ribbons)
+            .chain(body)
+            .chain(loupe.map(|loupe| loupe.note()))
+            .collect()
     }
 
     /// Knits, draws and writes. `is_last` says that the report will have this job's numbers.

@@ -112,6 +112,13 @@ pub(super) fn ribbons(job: &Job<'_>, outputs: &[Wanted]) -> Option<String> {
     (!names.is_empty()).then_some(text)
 }
 
+/// A body where there is no picture to show it.
+pub(super) fn unseen_body(job: &Job<'_>, outputs: &[Wanted]) -> Option<String> {
+    let has_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
+    (job.settings.picture.has_body() && !has_picture)
+        .then(|| "no .png is written: a body is for pictures".to_owned())
+}
+
 /// Large files and pictures of cloth that someone chose.
 fn chosen(job: &Job<'_>, drawn: Option<&Drawn<'_>>, setup: &Setup) -> Option<String> {
     let mut parts: Vec<String> = files(job, setup)

@@ -31,7 +31,7 @@ use super::limits::{check_laid, check_memory, check_stitches, locked_warning, lo
 use super::notes;
 use super::pictures::Pictures;
 use super::set;
-use super::settings::{Body, Wanted};
+use super::settings::Wanted;
 use super::setup::Setup;
 use super::summary::{Done, Laid, RunSummary, say_warnings};
 use super::targets::numbered;
@@ -234,11 +234,8 @@ fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<
     {
         return Err(RunError::FibresOfSequence);
     }
-    if let Body::Files(bodies) = &job.settings.picture.body
-        && bodies.len() > 1
-        && bodies.len() != sequence.paths.len()
-    {
-        return Err(RunError::Bodies { bodies: bodies.len(), frames: sequence.paths.len() });
+    if wants_picture {
+        set::check(job, sequence.paths.len())?;
     }
     let gb_a_stitch = LOCATED_GB + if wants_picture { PICTURE_GB } else { 0.0 };
     check_memory(

@@ -14,6 +14,7 @@ use crate::garment::solid::Solid;
 use crate::knit::numbers;
 use crate::render::scene::Bounds;
 use crate::render::set::{Mesh, Set};
+use crate::render::{GpuError, RendererChoice};
 
 /// Distance of a lining behind the technical face's middle, in wales. A smaller one comes through the
 /// loops of thick cloth. A larger one shows the lining beside the cloth at its outline.
@@ -24,6 +25,19 @@ impl PictureSettings {
     pub(super) fn has_body(&self) -> bool {
         self.body != Body::None
     }
+}
+
+/// Refuses bodies that can't be drawn, before any work: `frames` is the number of drapes.
+pub(super) fn check(job: &Job<'_>, frames: usize) -> Result<(), RunError> {
+    let picture = &job.settings.picture;
+    if picture.renderer == RendererChoice::Gpu && picture.has_body() {
+        return Err(GpuError::Body.into());
+    }
+    let Body::Files(bodies) = &picture.body else { return Ok(()) };
+    if bodies.len() > 1 && bodies.len() != frames {
+        return Err(RunError::Bodies { bodies: bodies.len(), frames });
+    }
+    bodies.iter().try_for_each(|body| Ok(Solid::read(body, job.cloth.garment()).map(drop)?))
 }
 
 /// The set around a garment, in frame number `frame` of a sequence. `around` are points around the
@@ -47,7 +61,7 @@ pub(super) fn of(
     let cover = numbers::measure(job.shown, job.cloth.pattern()).cover;
     #[expect(clippy::cast_possible_truncation, reason = "a share needs no more")]
     let cloth = mesh(&Solid::lining(garment, 0.0)).map(|cloth| (cloth, cover as f32));
-    Ok(Some(Arc::new(Set { studio, body, cloth })))
+    Ok(Some(Arc::new(Set::new(studio, body, cloth))))
 }
 
 /// The body in the cloth, if there is one.

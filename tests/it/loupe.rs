@@ -112,8 +112,9 @@ fn changed(one: &RgbaImage, other: &RgbaImage) -> Vec<DVec2> {
 #[test]
 fn the_loupe_shows_the_loops_of_its_place_and_lies_on_the_background() {
     let folder = tempfile::tempdir().unwrap();
-    let (with, report) = drawn(folder.path(), &[&CAMERA[..], &["--loupe", "0.5,0.5"]].concat());
-    let (without, _) = drawn(folder.path(), &[&CAMERA[..], &["--loupe", "off"]].concat());
+    let on_white = |loupe| [&CAMERA[..], &["--background", "white", "--loupe", loupe]].concat();
+    let (with, report) = drawn(folder.path(), &on_white("0.5,0.5"));
+    let (without, _) = drawn(folder.path(), &on_white("off"));
     let loupe = &report["picture"]["loupe"];
     assert_eq!(loupe["at"], serde_json::json!([0.5, 0.5]));
 
@@ -144,7 +145,7 @@ fn the_loupe_shows_the_loops_of_its_place_and_lies_on_the_background() {
     // A picture of that place, so many times larger, is what the inset shows.
     let zoom = (300.0 * count(&loupe["times"]) / f64::from(INSET)).to_string();
     let size = format!("{INSET}x{INSET}");
-    let near = [&CAMERA[..], &["--loupe", "off", "--size", &size, "--zoom", &zoom]].concat();
+    let near = [&on_white("off")[..], &["--size", &size, "--zoom", &zoom]].concat();
     let near = [&PICTURE[..6], &near, &["-o", "near.png", "--quiet"]].concat();
     run(folder.path(), &near);
     let near = image::open(folder.path().join("near.png")).unwrap().into_rgba8();

@@ -115,6 +115,49 @@ fn bodies_that_cannot_be_read_are_one_line() {
 }
 
 #[test]
+fn a_body_without_a_picture_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let garment = ["tube_flat.obj", "tube_draped.obj"].map(mesh);
+    let mut command = warpknit(folder.path());
+    command.arg("drape").args(&garment).arg("--body").arg(mesh("tube_body.obj"));
+    let output = command.args(["--wales-per-cm", "1", "-o", "tube.npz"]).assert().success();
+    let said = String::from_utf8(output.get_output().stderr.clone()).unwrap();
+    assert!(said.contains("note: no .png is written: a body is for pictures"), "{said}");
+}
+
+/// A graphics card draws no bodies, and says so before it knits, whether there is one or not.
+#[test]
+fn a_body_by_a_graphics_card_is_refused() {
+    let [flat, draped, body] = ["tube_flat.obj", "tube_draped.obj", "tube_body.obj"]
+        .map(|name| mesh(name).display().to_string());
+    let run = ["drape", &flat, &draped, "--body", &body, "--renderer", "gpu", "-o", "t.png"];
+    let said = fails(1, &run, |_| ());
+    assert!(said.contains("can't draw a body: take --renderer cpu"), "{said}");
+}
+
+#[test]
+fn a_tile_of_a_studio_is_a_part_of_the_whole() {
+    let whole = tube(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let garment = ["tube_flat.obj", "tube_draped.obj"].map(mesh);
+    let drape = ["--fabric", "marquisette", "--wales-per-cm", "1.5", "--mapping", "smooth"];
+    let picture = ["--size", "120x90", "--loupe", "off", "--quiet", "--tile", "2/3", "-o", "t.png"];
+    warpknit(folder.path())
+        .arg("drape")
+        .args(&garment)
+        .args(drape)
+        .args(picture)
+        .assert()
+        .success();
+    let tile = std::fs::read_dir(folder.path()).unwrap().find_map(|entry| {
+        let path = entry.unwrap().path();
+        path.extension().is_some_and(|ending| ending == "png").then_some(path)
+    });
+    let tile = image::open(tile.unwrap()).unwrap().into_rgba8();
+    assert!(tile.as_raw()[..] == whole.as_raw()[120 * 30 * 4..120 * 60 * 4]);
+}
+
+#[test]
 fn what_makes_no_set_is_wrong_usage() {
     for flags in [
         ["--sun", "40"].as_slice(),
@@ -150,7 +193,7 @@ fn bodies_of_a_sequence_are_one_or_as_many_as_its_frames() {
     }
     let output = run("bodies").code(1).get_output().clone();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("--body names 3 meshes for 2 drapes"), "{said}");
+    assert!(said.contains("--body names 3 meshes and there are 2 drapes"), "{said}");
     std::fs::remove_file(bodies.join("3.obj")).unwrap();
     run("bodies").success();
     run(&mesh("tube_body.obj").display().to_string()).success();

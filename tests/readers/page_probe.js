@@ -22,7 +22,7 @@ async function after(event, target = window) {
   return { hash, covered: covered / (copy.width * copy.height), uneven: uneven(bytes, copy.width, copy.height) };
 }
 
-// How far the mean colours of a grid of 5 x 5 places differ at most, of 255; places that are not all yarn are left out.
+// How far the mean colours of a grid of 5 x 5 places differ at most, of 255; places that are hardly yarn are left out.
 function uneven(bytes, width, height) {
   const cells = Array.from({ length: 25 }, () => [0, 0, 0, 0, 0]);
   for (let y = 0; y < height; y++)
@@ -34,7 +34,7 @@ function uneven(bytes, width, height) {
         cell[4]++;
       }
     }
-  const full = cells.filter(cell => cell[4] > 0.9 * cell[3]);
+  const full = cells.filter(cell => cell[4] > 0.5 * cell[3]);
   const range = k => { const all = full.map(cell => cell[k] / cell[4]); return Math.max(...all) - Math.min(...all); };
   return full.length > 3 ? Math.round(Math.max(range(0), range(1), range(2))) : 'unknown';
 }

@@ -366,7 +366,7 @@ function drawLoupe(seen, width, height, scale, fineness) {
 
 // A length in mm, drawn to scale where the target lies.
 function showScale() {
-  const most = 0.22 * Math.min(canvas.clientWidth, 600) * view.span / canvas.clientHeight, ten = 10 ** Math.floor(Math.log10(most));
+  const most = 0.32 * Math.min(canvas.clientWidth, 600) * view.span / canvas.clientHeight, ten = 10 ** Math.floor(Math.log10(most));
   const mm = [5, 2, 1].find(k => k * ten <= most) * ten, bar = $('scale').firstElementChild;
   bar.style.width = mm * canvas.clientHeight / view.span + 'px';
   bar.textContent = mm >= 10 ? `${mm / 10} cm` : `${+mm.toPrecision(2)} mm`;

@@ -246,6 +246,8 @@ pub(crate) struct Drape {
     pub(crate) motion: MotionArgs,
     #[command(flatten)]
     pub(crate) part: Part,
+    #[command(flatten)]
+    pub(crate) stage: Stage,
     /// The body in the cloth, a mesh in the draped axes: it hides yarns and casts shadows. A pattern
     /// or a folder gives each frame of a sequence its own
     #[arg(long, value_name = "MESH", conflicts_with = "body_cloth")]
@@ -277,6 +279,8 @@ pub(crate) struct Swatch {
     pub(crate) stretch: Option<Stretch>,
     #[command(flatten)]
     pub(crate) part: Part,
+    #[command(flatten)]
+    pub(crate) stage: Stage,
     #[command(flatten)]
     pub(crate) shared: Shared,
 }
@@ -590,17 +594,22 @@ pub(crate) struct Shared {
     /// studio for garments]
     #[arg(long, value_name = "COLOR")]
     pub(crate) background: Option<Background>,
-    /// Stand the cloth in a studio, on a floor that turns up into a wall [default: on for garments
-    /// without --background]
-    #[arg(long, value_enum, value_name = "on|off", num_args = 0..=1, default_missing_value = "on")]
-    pub(crate) studio: Option<SwitchArg>,
-    /// Direction to the sun, degrees: to the right of the camera, and up [default: -38,37]
+    /// Direction to the sun, degrees: to the right of the camera, and up [default: -38,35.5]
     #[arg(long, value_name = "AZ,EL", value_parser = sun, allow_hyphen_values = true)]
     pub(crate) sun: Option<DVec3>,
     #[command(flatten)]
     pub(crate) drawing: Drawing,
     #[command(flatten)]
     pub(crate) running: Running,
+}
+
+/// Where the cloth of a picture stands.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct Stage {
+    /// Stand the cloth in a studio, on a floor that turns up into a wall [default: on for garments
+    /// without --background]
+    #[arg(long, value_enum, value_name = "on|off", num_args = 0..=1, default_missing_value = "on")]
+    pub(crate) studio: Option<SwitchArg>,
 }
 
 /// How a command runs.

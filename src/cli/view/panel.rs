@@ -95,7 +95,7 @@ impl PanelSettings {
 impl RenderSettings {
     fn from_arguments(shared: &Shared) -> Self {
         let defaults = render::RenderOptions::default();
-        let sun = defaults.light.sun_direction.normalize();
+        let sun = shared.sun.map_or(defaults.light.sun_direction, |sun| sun.as_vec3()).normalize();
         let background = shared.background.unwrap_or_default();
         Self {
             st: shared.st.unwrap_or(defaults.st),

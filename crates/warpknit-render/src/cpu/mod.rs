@@ -141,8 +141,9 @@ fn sample_rows(
                     splats.push_behind(behind.light);
                     behind
                 });
-                if let Some(method) = method {
-                    method.pixel([x, *y], &behind, splats);
+                match method {
+                    Some(method) => method.pixel([x, *y], &behind, splats),
+                    None => behind.add_body(x, splats),
                 }
             }
         }
@@ -159,7 +160,7 @@ pub(crate) fn before_set(
     let Some(backdrop) = Backdrop::new(camera, options) else { return yarns };
     let row_bytes = (options.width as usize * 4).max(1);
     yarns.as_mut().par_chunks_mut(row_bytes).enumerate().for_each(|(y, row)| {
-        let y = index32(y);
+        let y = options.rows().start + index32(y);
         for (pixel, x) in row.as_chunks_mut::<4>().0.iter_mut().zip(0..) {
             let behind = backdrop.pixel([x, y]).light;
             *pixel = tone::blend(*pixel, behind, options.exposure, options.background);
@@ -185,7 +186,7 @@ impl PictureMethod<'_> {
     /// Adds the samples of one pixel to the film row that it lies in, before what is behind it.
     fn pixel(&self, pixel: [u32; 2], behind: &Behind, splats: &mut Splats) {
         match self {
-            Self::RayTracer(tracer) => tracer.pixel(pixel, splats),
+            Self::RayTracer(tracer) => tracer.pixel(pixel, behind, splats),
             Self::Splatter(splatter) => splatter.pixel(pixel, behind, splats),
         }
     }

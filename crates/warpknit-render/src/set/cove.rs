@@ -12,6 +12,8 @@
 //!   floor
 //! ```
 
+use std::f32::consts::FRAC_PI_2;
+
 use glam::{Vec2, Vec3};
 
 use crate::Camera;
@@ -68,18 +70,25 @@ impl Cove {
             return None;
         }
         let distance = (bend + radius - start.x) / rise.x;
-        if distance >= 0.0 && start.y + rise.y * distance >= radius {
+        if distance > 0.0 && start.y + rise.y * distance >= radius {
             return Some((distance, Vec2::NEG_X));
         }
         // The far side of the circle that the bend is a quarter of.
         let from_centre = start - Vec2::new(bend, radius);
         let (a, b) = (rise.length_squared(), from_centre.dot(rise));
         let root = b * b - a * (from_centre.length_squared() - radius * radius);
-        (root >= 0.0).then(|| {
-            let distance = (root.sqrt() - b) / a;
-            (distance, -(from_centre + rise * distance) / radius)
-        })
+        let distance = (root.max(0.0).sqrt() - b) / a;
+        (root >= 0.0 && distance > 0.0)
+            .then(|| (distance, eased(-(from_centre + rise * distance) / radius)))
     }
+}
+
+/// A normal of the bend that begins and ends to turn gradually. On a circle light would change its
+/// slope where the bend begins, which looks like a horizon.
+fn eased(normal: Vec2) -> Vec2 {
+    let share = (-normal.x).atan2(normal.y).clamp(0.0, FRAC_PI_2) / FRAC_PI_2;
+    let angle = share * share * (3.0 - 2.0 * share) * FRAC_PI_2;
+    Vec2::new(-angle.sin(), angle.cos())
 }
 
 #[cfg(test)]
@@ -107,12 +116,12 @@ mod tests {
             if let Some((before, other)) = last {
                 // A plane through the point before would be met this far from it.
                 let step = 5e-4 * place.distance(eye) / normal.dot(toward).abs();
-                assert!(place.distance(before) < 1.5 * step && normal.distance(other) < 0.04);
+                assert!(place.distance(before) < 1.5 * step && normal.distance(other) < 0.06);
                 turned += normal.angle_between(other);
             }
             last = Some((place, normal));
         }
-        assert!((turned - std::f32::consts::FRAC_PI_2).abs() < 0.01, "{turned}");
+        assert!((turned - FRAC_PI_2).abs() < 0.01, "{turned}");
     }
 
     #[test]

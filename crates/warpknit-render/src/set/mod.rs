@@ -9,23 +9,26 @@
 
 mod cove;
 mod mesh;
+mod sky;
 
 use glam::Vec3;
 
 use crate::scene::Bounds;
 pub(crate) use cove::Cove;
 pub use mesh::Mesh;
-pub(crate) use mesh::MeshHit;
+pub(crate) use mesh::MeshSurface;
 
 /// What stands around the cloth.
 #[derive(Debug, Default)]
 pub struct Set {
     /// The box around what stands in a studio, on its floor and before its wall. `None` for no studio.
-    pub studio: Option<Bounds>,
+    pub(crate) studio: Option<Bounds>,
     /// An opaque body.
-    pub body: Option<Mesh>,
+    pub(crate) body: Option<Mesh>,
+    /// The fraction of the sky that each of its vertices sees.
+    pub(crate) sky: Vec<f32>,
     /// The cloth as a surface, and the share of it that its yarns hide, seen face on.
-    pub cloth: Option<(Mesh, f32)>,
+    cloth: Option<(Mesh, f32)>,
 }
 
 /// Steepness below which a ray counts as no flatter along a cloth. There is a limit to how much cloth
@@ -33,9 +36,21 @@ pub struct Set {
 const FLATTEST: f32 = 0.1;
 /// Length of rays by which light leaves a surface before it may be blocked, mm. A shorter one lets a
 /// surface block its own light. A longer one loses the shadow where cloth lies on a body.
-pub(crate) const LEAVE: f32 = 0.2;
+const LEAVE: f32 = 0.2;
+/// Depth in a body up to which yarns are drawn on it, and lit, mm. Cloth lies in the skin of many
+/// bodies by a millimetre or two. A larger depth would show the far side of thin limbs.
+pub(crate) const SKIN: f32 = 3.0;
 
 impl Set {
+    /// A studio for what stands in a box, a body, and the cloth as a surface with the share of it that
+    /// its yarns hide. Four million rays or fewer find how much of the sky the body sees.
+    #[must_use]
+    pub fn new(studio: Option<Bounds>, body: Option<Mesh>, cloth: Option<(Mesh, f32)>) -> Self {
+        let mut set = Self { studio, body, sky: Vec::new(), cloth };
+        set.sky = set.body.as_ref().map_or_else(Vec::new, |body| set.sky_at_vertices(body));
+        set
+    }
+
     /// Whether there is nothing in it.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -8,7 +8,6 @@
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
 
-use super::open_sky;
 use crate::cpu::sample::{SampleDimension, Sampler};
 use crate::light::Rig;
 use crate::set::{Cove, Set};
@@ -51,7 +50,7 @@ impl FloorLight {
             let place = Vec3::new(at.x, cove.foot.y, at.y);
             let toward = |ray| rig.sun_sample(suns.at(ray));
             let lit: f32 = (0..SUN_RAYS).map(|ray| set.passes(place, toward(ray))).sum();
-            [lit / SUN_RAYS as f32, open_sky(set, place, Vec3::Y, SKY_RAYS)]
+            [lit / SUN_RAYS as f32, set.open_sky(place, Vec3::Y, SKY_RAYS)]
         });
         Self { corner, side, step, squares: squares.collect() }
     }

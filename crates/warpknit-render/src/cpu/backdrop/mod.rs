@@ -6,20 +6,19 @@
 //! in squares of the floor ([`floor`]): both change slowly. The sun's is found at each place of the
 //! body, and in the floor's squares.
 //!
-//! Cost: a ray for each quarter of a pixel where there is a body, and two million rays or so
-//! beforehand.
+//! Cost: a ray for each quarter of a pixel where there is a body, and four more where it is hit. The
+//! floor takes up to three million rays a picture.
 
 mod floor;
 
 use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3, Vec4};
-use rayon::prelude::*;
 
-use super::sample::{SampleDimension, SampleSequence, Sampler};
-use super::to_f32;
+use super::film::Splats;
+use super::sample::{SampleDimension, Sampler};
 use crate::light::Rig;
-use crate::set::{Cove, Mesh, MeshHit, Set};
+use crate::set::{Cove, MeshSurface, Set};
 use crate::{Camera, RenderOptions};
 use floor::FloorLight;
 
@@ -29,9 +28,6 @@ const PLACES: u32 = 2;
 pub(super) const QUARTERS: usize = (PLACES * PLACES) as usize;
 /// Rays to the sun from each place of a body.
 const SUN_RAYS: u32 = 4;
-/// Rays into the sky from a vertex at most, and from all vertices together.
-const SKY_RAYS: u32 = 192;
-const MOST_SKY_RAYS: u32 = 4_000_000;
 /// Base colour of a body, linear: a matt dummy of a warm grey. It is lighter than most skins and
 /// darker than white cloth, so that sheer cloth of any colour can be told from it.
 const BODY: Vec3 = Vec3::new(0.47, 0.40, 0.355);
@@ -42,28 +38,49 @@ const STUDIO: Vec3 = Vec3::new(0.60, 0.60, 0.605);
 const POOL: f32 = 3.2;
 /// Share of the light of a free surface that comes from the surfaces that hide its sky.
 const BOUNCE: f32 = 0.3;
-/// Depth in a body up to which yarns are drawn on it, mm. Cloth lies in the skin of many bodies by a
-/// millimetre or two. A larger depth would show the far side of thin limbs.
-pub(super) const SKIN: f32 = 3.0;
+/// Where nothing of the studio is met, its light is that at this distance, in the same diagonals.
+const FARTHEST: f32 = 8.0;
+/// Rays to the sun from each pixel of the floor where its shadow ends.
+const FLOOR_RAYS: u32 = 32;
 
 /// What a pixel sees behind the yarns.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Behind {
-    /// Its light, with coverage in w.
+    /// The studio's light, with coverage in w.
     pub(crate) light: Vec4,
-    /// How far along the camera's axis each quarter of the pixel shows yarns, mm.
+    /// Light of the body in each quarter of the pixel, with 1 in w where there is a body.
+    pub(super) body: [Vec4; QUARTERS],
+    /// How far along the camera's axis each quarter shows yarns, mm.
     pub(super) reach: [f32; QUARTERS],
 }
 
 impl Behind {
     /// A pixel with nothing behind its yarns.
-    pub(super) const NOTHING: Self = Self { light: Vec4::ZERO, reach: [f32::INFINITY; QUARTERS] };
+    pub(super) const NOTHING: Self =
+        Self { light: Vec4::ZERO, body: [Vec4::ZERO; QUARTERS], reach: [f32::INFINITY; QUARTERS] };
+
+    /// Adds the body alone to a film row, as samples of pixel `x`.
+    pub(super) fn add_body(&self, x: u32, splats: &mut Splats) {
+        for (quarter, light) in (0..).zip(self.body) {
+            splats.add(x, middle_of(quarter).to_array(), light);
+        }
+    }
+
+    /// Light of the body at a place of the pixel, 0..1 across and down.
+    pub(super) fn body_at(&self, [across, down]: [f32; 2]) -> Vec4 {
+        self.body[usize::from(across >= 0.5) + 2 * usize::from(down >= 0.5)]
+    }
+}
+
+/// The middle of a quarter of a pixel.
+fn middle_of(quarter: u32) -> Vec2 {
+    let place = Vec2::new((quarter % PLACES) as f32, (quarter / PLACES) as f32);
+    (place + 0.5) / PLACES as f32
 }
 
 /// The set, lit for one camera.
 #[derive(Debug)]
 pub(crate) struct Backdrop<'a> {
-    body: Option<LitBody<'a>>,
     studio: Option<(Cove, FloorLight)>,
     set: &'a Set,
     camera: &'a Camera,
@@ -72,46 +89,36 @@ pub(crate) struct Backdrop<'a> {
     ahead: Vec3,
 }
 
-/// A body, and the fraction of the sky that each of its vertices sees.
-#[derive(Debug)]
-struct LitBody<'a> {
-    mesh: &'a Mesh,
-    open: Vec<f32>,
-}
-
 impl<'a> Backdrop<'a> {
     /// Lights the set of a picture. `None` without one.
     pub(crate) fn new(camera: &'a Camera, options: &'a RenderOptions) -> Option<Self> {
         let set = options.set.as_deref().filter(|set| !set.is_empty())?;
         let rig = options.light.around(camera);
-        let body = set.body.as_ref().map(|mesh| LitBody { mesh, open: sky_at_vertices(set, mesh) });
         let studio = set.studio.map(|bounds| {
             let cove = Cove::new(&bounds, camera);
             (cove, FloorLight::new(set, &cove, &rig, options.width))
         });
         let ahead = camera.to_world(Vec3::NEG_Z);
-        Some(Self { body, studio, set, camera, options, rig, ahead })
+        Some(Self { studio, set, camera, options, rig, ahead })
     }
 
     /// What a pixel sees.
     pub(crate) fn pixel(&self, pixel: [u32; 2]) -> Behind {
-        let studio = self.studio_light(self.direction(pixel, Vec2::splat(0.5)));
-        let Some(body) = &self.body else { return Behind { light: studio, ..Behind::NOTHING } };
-        let suns = Sampler::new(pixel[0], pixel[1], self.options.seed)
-            .pairs(SampleDimension::Sun, SUN_RAYS * PLACES * PLACES);
-        let (mut light, mut reach) = (Vec4::ZERO, [f32::INFINITY; QUARTERS]);
-        for (quarter, reach) in (0..).zip(&mut reach) {
-            let place = Vec2::new((quarter % PLACES) as f32, (quarter / PLACES) as f32) + 0.5;
-            let toward = self.direction(pixel, place / PLACES as f32);
-            light += match body.mesh.nearest(self.eye(), toward) {
-                None => studio,
-                Some(hit) => {
-                    *reach = (hit.distance + SKIN) * toward.dot(self.ahead);
-                    self.body_light(body, &hit, toward, &suns, quarter * SUN_RAYS).extend(1.0)
-                }
-            };
+        let sampler = Sampler::new(pixel[0], pixel[1], self.options.seed);
+        let studio = self.studio_light(self.direction(pixel, Vec2::splat(0.5)), &sampler);
+        let mut behind = Behind { light: studio, ..Behind::NOTHING };
+        let Some(body) = &self.set.body else { return behind };
+        let suns = sampler.pairs(SampleDimension::Sun, SUN_RAYS * PLACES * PLACES);
+        for (quarter, at) in (0..).zip(0..QUARTERS) {
+            let toward = self.direction(pixel, middle_of(quarter));
+            let Some(hit) = body.nearest(self.eye(), toward) else { continue };
+            let surface = body.surface(&hit, self.eye(), toward);
+            behind.reach[at] = body.skin_reach(&hit, toward) * toward.dot(self.ahead);
+            let open = body.interpolate(&hit, |vertex| Vec3::splat(self.set.sky[vertex])).x;
+            let sun = self.sun_at(&surface, |ray| suns.at(quarter * SUN_RAYS + ray));
+            behind.body[at] = self.reflected(BODY, surface.normal, sun, open).extend(1.0);
         }
-        Behind { light: light / QUARTERS as f32, reach }
+        behind
     }
 
     fn eye(&self) -> Vec3 {
@@ -126,37 +133,43 @@ impl<'a> Backdrop<'a> {
         self.camera.direction(across, up, self.options.aspect()).as_vec3()
     }
 
-    /// The studio's light in a direction, or nothing where there is none.
-    fn studio_light(&self, toward: Vec3) -> Vec4 {
+    /// The studio's light in a direction. Nothing where there is none, and below its floor.
+    fn studio_light(&self, toward: Vec3, sampler: &Sampler) -> Vec4 {
         let Some((cove, floor)) = &self.studio else { return Vec4::ZERO };
-        let Some((place, normal)) = cove.hit(self.eye(), toward) else { return Vec4::ZERO };
+        if self.eye().y <= cove.foot.y {
+            return Vec4::ZERO;
+        }
+        let Some((place, normal)) = cove.hit(self.eye(), toward) else {
+            return self.studio_reflects(-toward, FARTHEST, [1.0; 2]);
+        };
         let [sun, open] = floor.at(place);
-        let far = place.distance(cove.foot) / (POOL * cove.size);
-        let light = self.reflected(STUDIO, normal, sun, open) / (1.0 + far * far);
-        light.extend(1.0)
+        let sun = if sun > 0.0 && sun < 1.0 { self.sun_on_floor(place, sampler) } else { sun };
+        self.studio_reflects(normal, place.distance(cove.foot) / cove.size, [sun, open])
     }
 
-    /// The light that the body reflects where a ray meets it.
-    fn body_light(
-        &self,
-        body: &LitBody<'_>,
-        hit: &MeshHit,
-        toward: Vec3,
-        suns: &SampleSequence,
-        first: u32,
-    ) -> Vec3 {
-        let (_, normals) = body.mesh.vertices();
-        let normal = body.mesh.interpolate(hit, |vertex| normals[vertex]).normalize_or(-toward);
-        let open = body.mesh.interpolate(hit, |vertex| Vec3::splat(body.open[vertex])).x;
-        let place = self.eye() + toward * hit.distance;
-        // Bodies are closed, and what is seen of them is their outside, however they are wound.
-        let normal = if normal.dot(toward) > 0.0 { -normal } else { normal };
+    /// The light of floor or wall so far from the cloth's foot, in diagonals of its box, which these
+    /// fractions of the sun's and the sky's light reach.
+    fn studio_reflects(&self, normal: Vec3, away: f32, [sun, open]: [f32; 2]) -> Vec4 {
+        let far = away.min(FARTHEST) / POOL;
+        (self.reflected(STUDIO, normal, sun, open) / (1.0 + far * far)).extend(1.0)
+    }
+
+    /// The fraction of the sun's light that reaches a place of the floor.
+    fn sun_on_floor(&self, place: Vec3, sampler: &Sampler) -> f32 {
+        let suns = sampler.pairs(SampleDimension::Sun, FLOOR_RAYS);
+        let passed =
+            (0..FLOOR_RAYS).map(|ray| self.set.passes(place, self.rig.sun_sample(suns.at(ray))));
+        passed.sum::<f32>() / FLOOR_RAYS as f32
+    }
+
+    /// The fraction of the sun's light that reaches a place of the body.
+    fn sun_at(&self, surface: &MeshSurface, suns: impl Fn(u32) -> [f32; 2]) -> f32 {
         let lit = |ray: u32| {
-            let toward_sun = self.rig.sun_sample(suns.at(first + ray));
-            if normal.dot(toward_sun) > 0.0 { self.set.passes(place, toward_sun) } else { 0.0 }
+            let toward_sun = self.rig.sun_sample(suns(ray));
+            let faces = surface.normal.dot(toward_sun) > 0.0;
+            if faces { self.set.passes(surface.place, toward_sun) } else { 0.0 }
         };
-        let sun = (0..SUN_RAYS).map(lit).sum::<f32>() / SUN_RAYS as f32;
-        self.reflected(BODY, normal, sun, open)
+        (0..SUN_RAYS).map(lit).sum::<f32>() / SUN_RAYS as f32
     }
 
     /// The light of a matt surface that these fractions of the sun's and the sky's light reach.
@@ -169,30 +182,12 @@ impl<'a> Backdrop<'a> {
     }
 }
 
-/// The fraction of the sky that each vertex of the body sees.
-fn sky_at_vertices(set: &Set, body: &Mesh) -> Vec<f32> {
-    let (positions, normals) = body.vertices();
-    let count = warpknit_core::ids::index32(positions.len()).max(1);
-    let rays = (MOST_SKY_RAYS / count).clamp(16, SKY_RAYS);
-    let vertices = positions.par_iter().zip(normals);
-    vertices.map(|(place, normal)| open_sky(set, *place, *normal, rays)).collect()
-}
-
-/// The fraction of the sky's light that reaches a place of the set. The directions are the same
-/// everywhere, so that neighbouring places differ by what they see, and not by chance.
-fn open_sky(set: &Set, place: Vec3, normal: Vec3, rays: u32) -> f32 {
-    let directions = Sampler::new(0, 0, 0).pairs(SampleDimension::Sky, rays);
-    let passed = (0..rays).map(|ray| {
-        set.passes(place, super::raytrace::cosine_direction(normal, directions.at(ray)))
-    });
-    passed.sum::<f32>() / to_f32(f64::from(rays))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::cpu::render;
     use crate::scene::{Bounds, Scene, YarnLook};
+    use crate::set::Mesh;
     use crate::{Background, View};
     use image::RgbaImage;
     use std::sync::Arc;
@@ -229,7 +224,7 @@ mod tests {
     }
 
     fn with_body(body: Mesh) -> Set {
-        Set { body: Some(body), ..Set::default() }
+        Set::new(None, Some(body), None)
     }
 
     /// Mean of a channel over a square around the middle.
@@ -254,11 +249,13 @@ mod tests {
             let half = size / 8;
             assert_eq!(mean(&behind, 0, half), mean(&behind, 0, half / 2), "one colour");
             assert!(mean(&plain, 2, half) < 255.0);
-            // Before the body, and in its skin, yarns are drawn.
-            for z in [-6.0, 1.0] {
-                let before = picture(&scene, with_body(plate(8.0, z)), size);
-                assert!(mean(&before, 0, half) > mean(&before, 2, half), "{radius} {z}");
-            }
+            // Before the body, and in its skin, yarns are drawn, and as bright.
+            let [before, within] = [-6.0, 1.0].map(|z| {
+                let drawn = picture(&scene, with_body(plate(8.0, z)), size);
+                assert!(mean(&drawn, 0, half) > mean(&drawn, 2, half), "{radius} {z}");
+                mean(&drawn, 0, half)
+            });
+            assert!((within / before - 1.0).abs() < 0.1, "{radius}: {within} {before}");
         }
     }
 
@@ -275,9 +272,7 @@ mod tests {
             let shade = Mesh::new(places, vec![Vec3::Z; 4], &[[0, 1, 2], [0, 2, 3]]).unwrap();
             let half = size / 12;
             let lit = mean(&picture(&scene, with_body(plate(20.0, -5.0)), size), 0, half);
-            let mut set = with_body(shade);
-            set.cloth = None;
-            let shaded = mean(&picture(&scene, set, size), 0, half);
+            let shaded = mean(&picture(&scene, with_body(shade), size), 0, half);
             assert!(shaded < 0.75 * lit, "{radius}: {shaded} {lit}");
         }
     }
@@ -291,7 +286,7 @@ mod tests {
             set: Some(Arc::new(with_body(plate(100.0, 0.0)))),
             ..RenderOptions::default()
         };
-        let light = Backdrop::new(&camera, &options).unwrap().pixel([4, 4]).light;
+        let light = Backdrop::new(&camera, &options).unwrap().pixel([4, 4]).body[0];
         let rig = options.light.around(&camera);
         let expected =
             BODY * (rig.sun() * rig.toward_sun.z * FRAC_1_PI + rig.sky(Vec3::Z * (2.0 / 3.0)));
@@ -300,14 +295,14 @@ mod tests {
 
     #[test]
     fn sheer_cloth_dims_the_light_below_it() {
-        let mut set = with_body(plate(100.0, 0.0));
-        set.cloth = Some((plate(100.0, 10.0), 0.4));
+        let cloth = Some((plate(100.0, 10.0), 0.4));
+        let set = Set::new(None, Some(plate(100.0, 0.0)), cloth);
         let at = Vec3::new(1.0, 2.0, 0.0);
         assert!((set.passes(at, Vec3::Z) - 0.6).abs() < 1e-5);
         let oblique = Vec3::new(1.0, 0.0, 1.0).normalize();
         assert!((set.passes(at, oblique) - 0.6_f32.powf(2.0_f32.sqrt())).abs() < 1e-3);
         assert_eq!(set.passes(Vec3::new(1.0, 2.0, -5.0), Vec3::Z), 0.0);
-        let open = open_sky(&set, at, Vec3::Z, 512);
+        let open = set.open_sky(at, Vec3::Z, 512);
         // The integral of 0.6^(1/c) 2 c over c from 0 to 1.
         assert!((open - 0.436).abs() < 0.02, "{open}");
     }
@@ -318,7 +313,7 @@ mod tests {
         let roof = [(-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)];
         let places = roof.map(|(x, z)| Vec3::new(x, 80.0, z)).to_vec();
         let roof = Mesh::new(places, vec![Vec3::Y; 4], &[[0, 1, 2], [0, 2, 3]]);
-        let set = Set { studio: Some(bounds), body: roof, cloth: None };
+        let set = Set::new(Some(bounds), roof, None);
         let camera =
             Camera::look_at(glam::DVec3::new(0.0, 60.0, 900.0), glam::DVec3::ZERO, 0.4, 1.0);
         let cove = Cove::new(&bounds, &camera);
@@ -338,7 +333,7 @@ mod tests {
     fn threads_and_rows_do_not_change_a_set() {
         let scene = curtain(0.05);
         let bounds = scene.bounds().unwrap();
-        let set = || Set { studio: Some(bounds), body: Some(plate(8.0, -2.0)), cloth: None };
+        let set = || Set::new(Some(bounds), Some(plate(8.0, -2.0)), None);
         let draw = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| picture(&scene, set(), 60))

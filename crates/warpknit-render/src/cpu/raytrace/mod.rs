@@ -23,7 +23,7 @@ use std::f32::consts::TAU;
 
 use glam::{Vec3, Vec4};
 
-use super::backdrop::SKIN;
+use super::backdrop::Behind;
 use super::film::Splats;
 use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, textured_surface};
 use super::sample::{SampleDimension, Sampler};
@@ -32,7 +32,7 @@ use super::{is_thin, share, to_f32};
 use crate::light::{Rig, SKY_REACH_RADII};
 use crate::ply::{self, YarnPoint};
 use crate::scene::{Bounds, Scene, Shape, YarnLook};
-use crate::set::{LEAVE, Mesh};
+use crate::set::{Mesh, SKIN};
 use crate::shade::Surface;
 use crate::sheen::Sheen;
 use crate::{Camera, RenderOptions};
@@ -127,8 +127,8 @@ impl<'a> RayTracer<'a> {
         })
     }
 
-    /// Adds the samples of one pixel to its film row.
-    pub(super) fn pixel(&self, [x, y]: [u32; 2], splats: &mut Splats) {
+    /// Adds the samples of one pixel to its film row, before what is behind it.
+    pub(super) fn pixel(&self, [x, y]: [u32; 2], behind: &Behind, splats: &mut Splats) {
         let spp = self.eye.options.spp.max(1);
         let sampler = Sampler::new(x, y, self.eye.options.seed);
         let (mut shared, mut waiting) = (None, Waiting::new());
@@ -136,10 +136,10 @@ impl<'a> RayTracer<'a> {
             let place = sampler.pair(SampleDimension::Pixel, index, spp);
             let ray = self.eye.primary_ray([x, y], place, sampler.random_bits(index));
             let light = ray.map_or(Vec4::ZERO, |mut ray| {
-                ray.reach = self.distance_to_body(&ray) + SKIN;
+                ray.reach = self.reach_to_body(&ray);
                 self.sample(&ray, index, &sampler, &mut shared, &mut waiting)
             });
-            splats.add(x, place, light);
+            splats.add(x, place, if light.w > 0.0 { light } else { behind.body_at(place) });
         }
     }
 
@@ -153,18 +153,18 @@ impl<'a> RayTracer<'a> {
         place + self.bvh.segments.paths.centre.as_vec3()
     }
 
-    /// Distance along a primary ray at which it meets the body. It is negative where the body stands
-    /// before the box that the ray starts from.
-    fn distance_to_body(&self, ray: &SceneRay) -> f32 {
+    /// Distance along a primary ray up to which yarns are seen: to the body, and through its skin. It
+    /// is negative where the body stands before the box that the ray starts from.
+    fn reach_to_body(&self, ray: &SceneRay) -> f32 {
         let (eye, start) = (self.eye.camera.eye().as_vec3(), self.in_world(ray.origin));
-        let hit = self.body().and_then(|body| body.nearest(eye, ray.direction));
-        hit.map_or(f32::INFINITY, |hit| hit.distance - start.distance(eye))
+        let reach = self.body().and_then(|body| body.reach_through_skin(eye, ray.direction));
+        reach.map_or(f32::INFINITY, |reach| reach - start.distance(eye))
     }
 
-    /// Whether the body blocks a ray.
+    /// Whether the body blocks a ray, beyond its skin.
     fn is_body_before(&self, ray: &SceneRay) -> bool {
         let from = self.in_world(ray.origin);
-        self.body().is_some_and(|body| body.blocks(from, ray.direction, [LEAVE, ray.reach]))
+        self.body().is_some_and(|body| body.blocks(from, ray.direction, [SKIN, ray.reach]))
     }
 
     /// Light along a sample's ray, with w = 1 where it meets yarn and w = 0 where it does not.
@@ -364,7 +364,7 @@ impl SurfaceHit {
 
 /// A random direction around `normal`, with a density proportional to the cosine (Malley's method:
 /// a uniform point of the disc, projected up to the hemisphere).
-pub(super) fn cosine_direction(normal: Vec3, u: [f32; 2]) -> Vec3 {
+fn cosine_direction(normal: Vec3, u: [f32; 2]) -> Vec3 {
     let (across, up) = normal.any_orthonormal_pair();
     let (sin, cos) = (TAU * u[1]).sin_cos();
     let r = u[0].sqrt();

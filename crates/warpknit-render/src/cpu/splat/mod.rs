@@ -115,7 +115,7 @@ impl<'a> Splatter<'a> {
         let rig = options.light.around(camera);
         let mut shadows = ShadowMap::new(&pieces, &screen, pixel, rig.toward_sun);
         if let Some(body) = options.set.as_ref().and_then(|set| set.body.as_ref()) {
-            shadows.add_mesh(body, centre);
+            shadows.add_body(body, centre);
         }
         let planes = HalfPlanes::new();
         let fit = LightFit::new(
@@ -171,6 +171,7 @@ impl<'a> Splatter<'a> {
             let number = warpknit_core::ids::index32(number);
             let cell = [x * self.split + number % self.split, y * self.split + number / self.split];
             let corner = Vec2::new(cell[0] as f32, cell[1] as f32);
+            let mut left = u64::MAX;
             for fragment in visible.tiles.cell(cell) {
                 let mask =
                     fragment.mask & shown(behind, fragment.depth, &self.quarters[number as usize]);
@@ -178,11 +179,15 @@ impl<'a> Splatter<'a> {
                 if mask == 0 {
                     continue;
                 }
+                left &= !mask;
                 let light = self.lights.of(parts, corner, fragment);
                 let light = light.map_or(Vec4::ZERO, opaque_sample);
-                let sums = weight_of(weights, fragment.mask);
-                for (sum, weight) in lights.iter_mut().zip(sums) {
-                    *sum += light * weight;
+                add(&mut lights, light, weights, fragment.mask);
+            }
+            // The body is seen where no yarn before it is.
+            for (light, quarter) in behind.body.iter().zip(&self.quarters[number as usize]) {
+                if light.w > 0.0 {
+                    add(&mut lights, *light, weights, left & quarter);
                 }
             }
         }
@@ -234,6 +239,13 @@ fn shown(behind: &Behind, depth: f32, quarters: &[u64; QUARTERS]) -> u64 {
 /// Sums of the weights of all places.
 fn total(weights: &[[f32; NEAR]]) -> [f32; NEAR] {
     std::array::from_fn(|near| weights.iter().map(|own| own[near]).sum())
+}
+
+/// Adds light at the places of a mask.
+fn add(lights: &mut [Vec4; NEAR], light: Vec4, weights: &[[f32; NEAR]], mask: u64) {
+    for (sum, weight) in lights.iter_mut().zip(weight_of(weights, mask)) {
+        *sum += light * weight;
+    }
 }
 
 /// Sums of the weights of a mask's places.
@@ -403,7 +415,7 @@ mod tests {
             let (width, height) = (6 * SIZE, 6 * SIZE);
             let fine = RenderOptions { width, height, spp: 1, lod: false, ..options.clone() };
             let tracer = RayTracer::new(&scene, &bounds, &camera, &fine);
-            let traced = sums(width, |pixel, splats| tracer.pixel(pixel, splats));
+            let traced = sums(width, |pixel, splats| tracer.pixel(pixel, &Behind::NOTHING, splats));
             let [light, cover] = [light / cover / (traced.0 / traced.1), 36.0 * cover / traced.1];
             println!("{fabric}: light {light:.3}, coverage {cover:.3}");
             assert!((light - 1.0).abs() < 0.04, "{fabric}: light {light}");

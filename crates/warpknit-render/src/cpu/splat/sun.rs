@@ -1,9 +1,9 @@
 //! Shadow map of the sun: the nearest depths on a grid across the sun's rays (Williams 1978,
 //! 'Casting curved shadows on curved surfaces').
 //!
-//! In: pieces, a body's mesh, the picture's screen and the direction to the sun. Out: [`ShadowMap`], 4 bytes a
-//! texel. It covers what the picture shows. Distant shadows, such as that of one fold on another,
-//! have a penumbra as wide as the sun makes it (after Fernando 2005, 'Percentage-closer soft
+//! In: pieces, a body's mesh, the picture's screen and the direction to the sun. Out: [`ShadowMap`], 4
+//! bytes a texel. It covers what the picture shows. Distant shadows, such as that of one fold on
+//! another, have a penumbra as wide as the sun makes it (after Fernando 2005, 'Percentage-closer soft
 //! shadows'). The penumbra of one yarn on its neighbour is finer than a pixel and is left out.
 
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -15,7 +15,7 @@ use super::outline::CapsuleOutline;
 use super::pieces::SplatPieces;
 use super::screen::Screen;
 use crate::light::SKY_REACH_RADII;
-use crate::set::Mesh;
+use crate::set::{Mesh, SKIN};
 
 /// Size of a texel, radii of the thinnest yarn. Finer texels resolve what no pixel shows. Coarser
 /// ones let light through between yarns, or close the gaps.
@@ -89,11 +89,13 @@ impl ShadowMap {
         map
     }
 
-    /// Adds the shadow of a mesh, whose places are in the world, to that of pieces around `centre`.
-    pub(super) fn add_mesh(&mut self, mesh: &Mesh, centre: Vec3) {
-        for corners in mesh.corners() {
-            self.fill(corners.map(|corner| self.project(corner - centre)));
-        }
+    /// Adds the shadow of a body, whose places are in the world, to that of pieces around `centre`.
+    /// Its skin casts none.
+    pub(super) fn add_body(&mut self, body: &Mesh, centre: Vec3) {
+        let away = centre + self.toward * SKIN;
+        body.corners().for_each(|corners| {
+            self.fill(corners.map(|corner| self.project(corner - away)));
+        });
         self.blocks = self.blocks();
     }
 
