@@ -24,13 +24,13 @@ square() { printf 'v 0 0 0\nv %s 0 0\nv %s %s 0\nv 0 %s 0\nf 1 2 3\nf 1 3 4\n' "
 square 100 100 >"$made/flat.obj"
 square 125 92 >"$made/pulled.obj"
 for mapping in smooth relaxed; do
-    knit drape "$made/flat.obj" "$made/pulled.obj" --unit mm --fabric jersey --wales-per-cm 1 --mapping "$mapping" --regular --size 560x460 --zoom 2 --spp 16 -o "docs/pulled_$mapping.png"
+    knit drape "$made/flat.obj" "$made/pulled.obj" --unit mm --fabric jersey --wales-per-cm 1 --mapping "$mapping" --regular --background white --size 560x460 --zoom 2 --spp 16 -o "docs/pulled_$mapping.png"
 done
 
 # A sock's heel and instep.
 for mapping in smooth relaxed; do
     [ -n "${WARPKNIT_GARMENTS:-}" ] || break
-    knit drape "$WARPKNIT_GARMENTS/madypg_sock/cloth.obj" --fabric jersey --wales-per-cm 3 --mapping "$mapping" --regular --eye=-100,-90,300 --look-at=-105,-92,20 --fov 8 --size 420x345 --spp 16 --loupe off -o "docs/heel_$mapping.png"
+    knit drape "$WARPKNIT_GARMENTS/madypg_sock/cloth.obj" --fabric jersey --wales-per-cm 3 --mapping "$mapping" --regular --background white --eye=-100,-90,300 --look-at=-105,-92,20 --fov 8 --size 420x345 --spp 16 --loupe off -o "docs/heel_$mapping.png"
 done
 knit bench --only yarn-length -o docs/yarn_length.svg
 knit bench --only reading -o docs/reading.svg
