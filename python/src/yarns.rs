@@ -116,7 +116,7 @@ fn unsigned(number: i64) -> usize {
 
 /// A numpy array over the memory of a vector, which can't be written to.
 fn column<T: numpy::Element>(py: Python<'_>, values: Vec<T>) -> PyResult<Py<PyArray1<T>>> {
-    Ok(frozen(values.into_pyarray(py).as_any())?.cast_into()?.unbind())
+    Ok(frozen(py, values)?.unbind())
 }
 
 /// The same with `width` columns.
@@ -125,10 +125,11 @@ fn rows<T: numpy::Element>(
     values: Vec<T>,
     width: usize,
 ) -> PyResult<Py<PyArray<T, numpy::Ix2>>> {
-    Ok(frozen(table(py, values, width)?.as_any())?.cast_into()?.unbind())
+    let height = values.len() / width;
+    Ok(frozen(py, values)?.reshape([height, width])?.unbind())
 }
 
-/// An array over the memory of a vector, of `width` columns.
+/// An array over the memory of a vector, of `width` columns, that may be written to.
 fn table<T: numpy::Element>(
     py: Python<'_>,
     values: Vec<T>,
@@ -138,10 +139,12 @@ fn table<T: numpy::Element>(
     values.into_pyarray(py).reshape([height, width])
 }
 
-/// A view of an array that can't be made writeable: numpy refuses that where the base isn't.
-fn frozen<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+/// An array that can't be made writeable, nor its views: numpy refuses that where the memory is not
+/// numpy's and no array before it is writeable.
+fn frozen<T: numpy::Element>(py: Python<'_>, values: Vec<T>) -> PyResult<Bound<'_, PyArray1<T>>> {
+    let array = values.into_pyarray(py);
     array.getattr("flags")?.setattr("writeable", false)?;
-    array.call_method0("view")
+    Ok(array)
 }
 
 impl Yarns {

@@ -116,7 +116,7 @@ mod tests {
             corners.iter().for_each(|&corner| text += &format!("v {}\n", places[corner]));
         }
         (0..4).for_each(|face| {
-            text += &format!("f {} {} {}\n", 3 * face + 1, 3 * face + 2, 3 * face + 3)
+            text += &format!("f {} {} {}\n", 3 * face + 1, 3 * face + 2, 3 * face + 3);
         });
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), text).unwrap();

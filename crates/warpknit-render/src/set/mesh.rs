@@ -208,11 +208,12 @@ fn ray(from: Vec3, toward: Vec3, [least, most]: [f32; 2]) -> Ray {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use warpknit_core::ids::index32;
 
     fn mesh(places: &[[f32; 3]]) -> Option<Mesh> {
         let positions: Vec<Vec3> = places.iter().copied().map(Vec3::from).collect();
         let triangles: Vec<[u32; 3]> =
-            (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            (0..index32(positions.len()) / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let normals = vec![Vec3::Z; positions.len()];
         Mesh::new(positions, normals, &triangles)
     }
