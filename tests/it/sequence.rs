@@ -182,6 +182,7 @@ fn the_camera_stays_while_the_cloth_moves() {
     moved(folder, "1.obj", |p| p);
     moved(folder, "2.obj", |p| p + DVec3::new(40.0, 0.0, 0.0));
     let picture = ["-o", "p.png", "--size", "96x72", "--spp", "1", "--renderer", "cpu"];
+    let picture = [&picture[..], &["--background", "white"]].concat();
     drape(
         folder,
         &[&[flat.to_str().unwrap(), "1.obj", "2.obj", "--unit", "cm"][..], &picture].concat(),
