@@ -148,7 +148,7 @@ def blender(binary, folder):
     import mathutils
 
     # As docs/formats say for each, and opened with Blender's own settings.
-    command = [binary, "drape", TSHIRT, "--fabric", "locknit", "--wales-per-cm", "2", "--quiet", "--st", "4", "--sr", "4", "--file-unit", "m"]
+    command = [binary, "drape", TSHIRT, "--fabric", "locknit", "--quiet", "--file-unit", "m"]
     subprocess.run([*command, "-o", "a.glb", "-o", "a.obj", "-o", "a.usdc", "-o", "a.npz"], cwd=folder, check=True)
     subprocess.run([*command, "-o", "a.ply", "--up", "z"], cwd=folder, check=True)
     points = np.load(folder / "a.npz")["draped"]
