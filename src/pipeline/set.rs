@@ -2,6 +2,7 @@
 //!
 //! In: a [`Job`], and its garment as it is draped. Out: a [`Set`], or `None` where nobody wants one.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -37,7 +38,9 @@ pub(super) fn check(job: &Job<'_>, frames: usize) -> Result<(), RunError> {
     if bodies.len() > 1 && bodies.len() != frames {
         return Err(RunError::Bodies { bodies: bodies.len(), frames });
     }
-    bodies.iter().try_for_each(|body| Ok(Solid::read(body, job.cloth.garment()).map(drop)?))
+    // That of a single drape is read before the work anyway.
+    let read = |body| Ok(Solid::read(body, job.cloth.garment()).map(drop)?);
+    if frames == 1 { Ok(()) } else { bodies.iter().map(PathBuf::as_path).try_for_each(read) }
 }
 
 /// The set around a garment, in frame number `frame` of a sequence. `around` are points around the

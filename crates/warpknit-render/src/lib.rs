@@ -117,6 +117,13 @@ impl RenderOptions {
         f64::from(self.width.max(1)) / f64::from(self.height.max(1))
     }
 
+    /// A place of a pixel, 0..1 across and down, in the coordinates of [`Camera::direction`].
+    pub(crate) fn picture_point(&self, [x, y]: [u32; 2], place: [f32; 2]) -> [f64; 2] {
+        let across = (f64::from(x) + f64::from(place[0])) / f64::from(self.width) * 2.0 - 1.0;
+        let up = 1.0 - (f64::from(y) + f64::from(place[1])) / f64::from(self.height) * 2.0;
+        [across, up]
+    }
+
     /// The wanted rows, clipped to the picture.
     #[must_use]
     pub fn rows(&self) -> Range<u32> {

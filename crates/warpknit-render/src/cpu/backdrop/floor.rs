@@ -8,6 +8,7 @@
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
 
+use super::sun_on_floor;
 use crate::cpu::sample::{SampleDimension, Sampler};
 use crate::light::Rig;
 use crate::set::{Cove, Set};
@@ -48,9 +49,8 @@ impl FloorLight {
             let place = Vec2::new((number % side) as f32, (number / side) as f32);
             let at = corner + (place + 0.5) * step;
             let place = Vec3::new(at.x, cove.foot.y, at.y);
-            let toward = |ray| rig.sun_sample(suns.at(ray));
-            let lit: f32 = (0..SUN_RAYS).map(|ray| set.passes(place, toward(ray))).sum();
-            [lit / SUN_RAYS as f32, set.open_sky(place, Vec3::Y, SKY_RAYS)]
+            let sun = sun_on_floor(set, rig, place, &suns, SUN_RAYS);
+            [sun, set.open_sky(place, Vec3::Y, SKY_RAYS)]
         });
         Self { corner, side, step, squares: squares.collect() }
     }

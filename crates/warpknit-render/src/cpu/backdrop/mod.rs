@@ -16,7 +16,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{Vec2, Vec3, Vec4};
 
 use super::film::Splats;
-use super::sample::{SampleDimension, Sampler};
+use super::sample::{SampleDimension, SampleSequence, Sampler};
 use crate::light::Rig;
 use crate::set::{Cove, MeshSurface, Set};
 use crate::{Camera, RenderOptions};
@@ -126,10 +126,8 @@ impl<'a> Backdrop<'a> {
     }
 
     /// The direction through a place of a pixel, 0..1 across and down.
-    fn direction(&self, [x, y]: [u32; 2], place: Vec2) -> Vec3 {
-        let size = [self.options.width, self.options.height].map(f64::from);
-        let across = (f64::from(x) + f64::from(place.x)) / size[0] * 2.0 - 1.0;
-        let up = 1.0 - (f64::from(y) + f64::from(place.y)) / size[1] * 2.0;
+    fn direction(&self, pixel: [u32; 2], place: Vec2) -> Vec3 {
+        let [across, up] = self.options.picture_point(pixel, place.to_array());
         self.camera.direction(across, up, self.options.aspect()).as_vec3()
     }
 
@@ -143,7 +141,12 @@ impl<'a> Backdrop<'a> {
             return self.studio_reflects(-toward, FARTHEST, [1.0; 2]);
         };
         let [sun, open] = floor.at(place);
-        let sun = if sun > 0.0 && sun < 1.0 { self.sun_on_floor(place, sampler) } else { sun };
+        let sun = if sun > 0.0 && sun < 1.0 {
+            let suns = sampler.pairs(SampleDimension::Sun, FLOOR_RAYS);
+            sun_on_floor(self.set, &self.rig, place, &suns, FLOOR_RAYS)
+        } else {
+            sun
+        };
         self.studio_reflects(normal, place.distance(cove.foot) / cove.size, [sun, open])
     }
 
@@ -152,14 +155,6 @@ impl<'a> Backdrop<'a> {
     fn studio_reflects(&self, normal: Vec3, away: f32, [sun, open]: [f32; 2]) -> Vec4 {
         let far = away.min(FARTHEST) / POOL;
         (self.reflected(STUDIO, normal, sun, open) / (1.0 + far * far)).extend(1.0)
-    }
-
-    /// The fraction of the sun's light that reaches a place of the floor.
-    fn sun_on_floor(&self, place: Vec3, sampler: &Sampler) -> f32 {
-        let suns = sampler.pairs(SampleDimension::Sun, FLOOR_RAYS);
-        let passed =
-            (0..FLOOR_RAYS).map(|ray| self.set.passes(place, self.rig.sun_sample(suns.at(ray))));
-        passed.sum::<f32>() / FLOOR_RAYS as f32
     }
 
     /// The fraction of the sun's light that reaches a place of the body.
@@ -180,6 +175,12 @@ impl<'a> Backdrop<'a> {
         let hidden = self.rig.interior * BOUNCE;
         albedo * (self.rig.sun() * (cosine * sun * FRAC_1_PI) + above.lerp(hidden, 1.0 - open))
     }
+}
+
+/// The fraction of the sun's light that reaches a place of the floor, by so many rays.
+fn sun_on_floor(set: &Set, rig: &Rig, place: Vec3, suns: &SampleSequence, rays: u32) -> f32 {
+    let passed = (0..rays).map(|ray| set.passes(place, rig.sun_sample(suns.at(ray))));
+    passed.sum::<f32>() / rays as f32
 }
 
 #[cfg(test)]

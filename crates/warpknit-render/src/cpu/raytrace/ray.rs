@@ -61,19 +61,17 @@ impl<'a> CameraRays<'a> {
         Self { camera, options, position: camera.eye() - centre, bounds }
     }
 
-    /// The ray through a place in pixel (x, y). `None` where it misses the bounding box.
+    /// The ray through a place in a pixel. `None` where it misses the bounding box.
     ///
     /// The ray starts where it enters the box. The eye may stand metres away from yarns that are
     /// hundredths of a millimetre thick, and `f32` distances from the eye would be too coarse.
     pub(super) fn primary_ray(
         &self,
-        [x, y]: [u32; 2],
+        pixel: [u32; 2],
         place: [f32; 2],
         random_bits: u32,
     ) -> Option<SceneRay> {
-        let (width, height) = (self.options.width, self.options.height);
-        let across = (f64::from(x) + f64::from(place[0])) / f64::from(width) * 2.0 - 1.0;
-        let up = 1.0 - (f64::from(y) + f64::from(place[1])) / f64::from(height) * 2.0;
+        let [across, up] = self.options.picture_point(pixel, place);
         let direction = self.camera.direction(across, up, self.options.aspect());
         let Box3 { min, max } = self.bounds;
         // Slab test (Kay and Kajiya 1986, 'Ray tracing complex scenes').
@@ -89,7 +87,7 @@ impl<'a> CameraRays<'a> {
             return None;
         }
         let origin = (self.position + direction * near).as_vec3();
-        let footprint = to_f32(self.camera.pixel_size(near.midpoint(far), height));
+        let footprint = to_f32(self.camera.pixel_size(near.midpoint(far), self.options.height));
         Some(SceneRay {
             origin,
             direction: direction.as_vec3(),
