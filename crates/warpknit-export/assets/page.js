@@ -2,7 +2,7 @@
 //
 // In: the page's elements `cloth` (JSON) and `data` (base64 of deflated planes of bytes, as src/html_lines.rs lays
 // them out), and the shaders. `document.body.dataset` tells what was done: `first` is the time of the first picture,
-// ms from the start of this script, `frames` counts pictures, `error` is WebGL's error at the first one.
+// a coarse one, ms from the start of this script, `frames` counts pictures, `error` is WebGL's error at the first one.
 'use strict';
 (async () => {
 const started = performance.now();
@@ -135,9 +135,28 @@ function carryFrames({ places, directions, starts }) {
 // ---- The graphics card
 
 const fail = text => { $('message').textContent = text; document.body.dataset.error = text; };
-const gl = canvas.getContext('webgl2', { antialias: true, alpha: true });
+// The pixels of a picture: fewer of them where it is coarse. They are set before there is a context, which would take its
+// time over another size.
+function fit(coarse) {
+  const scale = Math.min(devicePixelRatio, 2) * (coarse ? 0.6 : 1);
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight].map(length => Math.max(1, Math.round(length * scale)));
+  if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+  return { width, height, scale };
+}
+fit(true);
+const gl = canvas.getContext('webgl2', { antialias: false, alpha: true });
 if (!gl) return fail('This page needs WebGL 2, which this browser or its settings do not offer.');
 if (!self.DecompressionStream) return fail('This browser is too old for this page: it needs one of 2023 or later.');
+
+// The card compiles while the yarns are unpacked.
+const program = gl.createProgram(), shaders = ['vertex', 'fragment'].map(name => {
+  const shader = gl.createShader(name === 'vertex' ? gl.VERTEX_SHADER : gl.FRAGMENT_SHADER);
+  gl.shaderSource(shader, $(name).textContent.trim());
+  gl.compileShader(shader);
+  gl.attachShader(program, shader);
+  return shader;
+});
+gl.linkProgram(program);
 
 const yarns = unpack(await inflate($('data').textContent)), { chunks, origin, size } = divide(yarns);
 if (!chunks.length) return fail('This cloth has no yarns.');
@@ -145,15 +164,8 @@ const spacing = spacings(yarns, chunks), thickest = Math.max(...cloth.bars.map(b
 const heights = [cloth.heights[0] - thickest, cloth.heights[1] + thickest];
 let hasFrames = false;
 
-const program = gl.createProgram();
-for (const [kind, name] of [[gl.VERTEX_SHADER, 'vertex'], [gl.FRAGMENT_SHADER, 'fragment']]) {
-  const shader = gl.createShader(kind);
-  gl.shaderSource(shader, $(name).textContent.trim());
-  gl.compileShader(shader);
-  gl.attachShader(program, shader);
-  if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) return fail(`${name}: ${gl.getShaderInfoLog(shader)}`);
-}
-gl.linkProgram(program);
+if (!gl.getProgramParameter(program, gl.LINK_STATUS))
+  return fail([gl.getProgramInfoLog(program), ...shaders.map(shader => gl.getShaderInfoLog(shader))].filter(Boolean).join(' '));
 gl.useProgram(program);
 const places = {}, at = name => places[name] ??= gl.getUniformLocation(program, name);
 
@@ -167,6 +179,24 @@ function texture(unitNumber, name, ...image) {
 const texels = [WIDTH, yarns.rows, 0];
 texture(0, 'points', gl.RGBA16UI, ...texels, gl.RGBA_INTEGER, gl.UNSIGNED_SHORT, yarns.places);
 texture(1, 'directions', gl.RGBA8_SNORM, ...texels, gl.RGBA, gl.BYTE, yarns.directions);
+// Sharp pictures have some samples a pixel, in a frame of their own. Coarse ones are drawn straight onto the canvas.
+const sharp = gl.createFramebuffer(), SAMPLES = Math.min(4, gl.getParameter(gl.MAX_SAMPLES));
+const layers = [[gl.RGBA8, gl.COLOR_ATTACHMENT0], [gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT]].map(([format, place]) => {
+  const buffer = gl.createRenderbuffer();
+  gl.bindFramebuffer(gl.FRAMEBUFFER, sharp);
+  gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+  gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
+  return { buffer, format };
+});
+let sharpSize = '';
+function resizeSharp(width, height) {
+  if (sharpSize === `${width}x${height}`) return;
+  sharpSize = `${width}x${height}`;
+  for (const { buffer, format } of layers) {
+    gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+    gl.renderbufferStorageMultisample(gl.RENDERBUFFER, SAMPLES, format, width, height);
+  }
+}
 gl.enable(gl.DEPTH_TEST);
 gl.uniform1f(at('grid'), cloth.step);
 gl.uniform3fv(at('low'), origin);
@@ -186,11 +216,10 @@ function isOutside(planes, [x, y, z], reach) {
 }
 
 // Draws all that a camera sees; `fineness` is the pixels that count as one.
-function drawYarns({ clip, eye, pixel }, lens, fineness) {
+function drawYarns({ clip, eye, pixel }, fineness) {
   gl.uniformMatrix4fv(at('clip'), false, clip);
   gl.uniform3fv(at('eye'), eye);
   gl.uniform1f(at('pixel'), pixel);
-  gl.uniform3fv(at('lens'), lens);
   // Rows of the matrix give the planes of what is seen: left, right, bottom, top, near.
   const row = k => [clip[k], clip[4 + k], clip[8 + k], clip[12 + k]], w = row(3);
   const planes = [[0, 1], [0, -1], [1, 1], [1, -1], [2, 1]].map(([k, sign]) => {
@@ -216,7 +245,9 @@ function drawYarns({ clip, eye, pixel }, lens, fineness) {
     }
     gl.uniform3i(at('shape'), a, rings, sides);
     gl.uniform1i(at('sides'), sides);
-    gl.drawArrays(gl.TRIANGLE_STRIP, 0, sides === 2 ? 2 * (segments + 1) : segments * (2 * sides + 2));
+    // A ribbon stops at its strand's last point: nothing follows where it could wait.
+    const past = yarns.places[4 * b - 1] & END ? 2 * rings : 0;
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, sides === 2 ? 2 * (segments + 1 - past) : segments * (2 * sides + 2));
     waiting = null;
   };
   for (const chunk of chunks) {
@@ -312,7 +343,7 @@ function zoom(factor, x = 0.5, y = 0.5) {
 
 // ---- Pictures
 
-let asked = true, moved = 0, slow = false, before = 0, frames = 0;
+let asked = true, moved = -Infinity, slow = false, before = 0, frames = 0;
 function invalidate(moving = false) {
   if (moving) moved = performance.now();
   if (!asked) requestAnimationFrame(draw);
@@ -325,21 +356,27 @@ function draw(now) {
   const moving = now - moved < 250;
   if (moving && before && now - before < 1000 && now - before > 80) slow = true;
   before = moving ? now : 0;
-  const scale = Math.min(devicePixelRatio, 2) * (slow && moving ? 0.6 : 1), fineness = slow && moving ? 0.4 : 1;
-  const width = Math.max(1, Math.round(canvas.clientWidth * scale)), height = Math.max(1, Math.round(canvas.clientHeight * scale));
-  if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+  // So is the first one of all, which comes sooner then.
+  const coarse = slow && moving || !frames;
+  const { width, height, scale } = fit(coarse), fineness = coarse ? 0.4 : 1;
   const seen = camera(width / height);
   seen.pixel = 2 * Math.tan(FOV / 2) / height;
+  if (!coarse) resizeSharp(width, height);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, coarse ? null : sharp);
   gl.viewport(0, 0, width, height);
   gl.clearColor(0, 0, 0, 0);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   gl.uniform3fv(at('lamp'), unit(add(add(seen.back, seen.right, -0.55), seen.up, 0.75)));
   gl.uniform3fv(at('sky'), unit(add(seen.up, seen.back, 0.6)));
   gl.uniform2fv(at('heights'), heights);
-  drawYarns(seen, [0, 0, 0], fineness);
+  drawYarns(seen, fineness);
   if (loupe.on) drawLoupe(seen, width, height, scale, fineness);
+  if (!coarse) {
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+  }
   showScale();
-  if (slow && moving) setTimeout(() => performance.now() - moved >= 250 && invalidate(), 300);
+  if (coarse) setTimeout(() => performance.now() - moved >= 250 && invalidate(), moving ? 300 : 0);
   document.body.dataset.frames = ++frames;
 }
 
@@ -347,18 +384,20 @@ function drawLoupe(seen, width, height, scale, fineness) {
   const radius = Math.round(clamp(0.24 * Math.min(width, height), 60 * scale, 150 * scale));
   const [x, y] = [Math.round(loupe.x * width), Math.round((1 - loupe.y) * height)];
   const thick = thickest / (seen.pixel * seen.distance) / scale, times = clamp(7 / thick, 2.5, 16);
-  const lens = [x, y, radius], near = magnified(seen, loupe.x, loupe.y, times, width, height, 2 * radius);
+  const near = magnified(seen, loupe.x, loupe.y, times, width, height, 2 * radius);
   gl.viewport(x - radius, y - radius, 2 * radius, 2 * radius);
   gl.enable(gl.SCISSOR_TEST);
   gl.scissor(x - radius, y - radius, 2 * radius, 2 * radius);
-  // The ground of the loupe: one triangle over the window at the greatest depth, whatever is there.
-  gl.uniform3fv(at('lens'), lens);
+  // The loupe's disc at the greatest depth, whatever is there; around it nothing comes before the least depth.
+  gl.clearDepth(0);
+  gl.clear(gl.DEPTH_BUFFER_BIT);
+  gl.clearDepth(1);
   gl.uniform1i(at('sides'), 0);
   gl.uniform3i(at('shape'), 0, 1, 0);
   gl.depthFunc(gl.ALWAYS);
-  gl.drawArrays(gl.TRIANGLES, 0, 3);
+  gl.drawArrays(gl.TRIANGLE_FAN, 0, 66);
   gl.depthFunc(gl.LESS);
-  drawYarns(near, lens, fineness);
+  drawYarns(near, fineness);
   gl.disable(gl.SCISSOR_TEST);
   const ring = $('ring').style;
   [ring.left, ring.top, ring.width, ring.height] = [x / scale, (height - y) / scale, 2 * radius / scale, 2 * radius / scale].map(n => n + 'px');
@@ -478,7 +517,7 @@ if (asks.has('zoom')) {
   move((0.5 - x) * canvas.clientWidth, (0.5 - y) * canvas.clientHeight);
   zoom(1 / ask('zoom', 1));
 }
-moved = 0;
+moved = -Infinity;
 if (ask('loupe', 0)) toggleLoupe(true);
 draw(performance.now());
 gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));

@@ -20,9 +20,10 @@ uniform vec2 heights;                 // mm of depth at 0 and at 255
 uniform ivec3 shape;                  // first entry; rings an entry; sides
 
 out vec3 sight, side, front, along, cloth;
-out float across, height, gone, size, around, phase;
+out float across, height, size, around, phase;
 
 uvec4 entry(int at) { return texelFetch(points, ivec2(at & 2047, at >> 11), 0); }
+vec4 direction(int at) { return texelFetch(directions, ivec2(at & 2047, at >> 11), 0); }
 vec3 place(uvec4 e) { return low + grid * vec3(e.xyz); }
 vec3 unit(vec2 flattened) {
   vec3 v = vec3(flattened, 1. - abs(flattened.x) - abs(flattened.y));
@@ -38,9 +39,9 @@ vec3 slope(vec3 a, vec3 b) {
 
 void main() {
   int sides = shape.z, ring, corner;
-  if (sides == 0) {                   // a triangle over the whole window, behind everything
-    gone = 0.;
-    gl_Position = vec4(4. * vec2(gl_VertexID & 1, gl_VertexID >> 1) - 1., 1., 1.);
+  if (sides == 0) {                   // a fan of 64 triangles: the loupe's disc, behind everything
+    float turn = 6.2831853 * float(gl_VertexID - 1) / 64.;
+    gl_Position = vec4(gl_VertexID == 0 ? vec2(0) : vec2(cos(turn), sin(turn)), 1., 1.);
     return;
   }
   if (sides == 2) {
@@ -53,36 +54,53 @@ void main() {
   }
   int at = shape.x + ring / shape.y;
   float t = float(ring % shape.y) / float(shape.y);
-  uvec4 e = entry(at), next = entry(at + 1), before = entry(at - 1), after = entry(at + 2);
+  uvec4 e = entry(at), next = entry(at + 1);
+  // A ribbon has no area between strands: it waits at a corner of the last ring, then at one of the next strand's.
+  if (sides == 2 && (e.w >= END || t > 0. && next.w >= END)) {
+    bool waits = e.w < END || corner == 0 && t == 0.;
+    if (e.w >= END) at += waits ? -1 : 1;
+    corner = waits ? 1 : 0;
+    t = 0.;
+    e = entry(at);
+    next = entry(at + 1);
+  }
+  uvec4 before = entry(at - 1);
   bool ends = next.w >= END;
-  gone = e.w >= END || ends && t > 0. ? 1. : 0.;
 
   vec3 p = place(e), chord = place(next) - p;
   // Beyond its ends a strand goes on as it came.
   vec3 came = before.w >= END ? chord : p - place(before);
   if (ends) chord = came;
-  vec3 goes = ends || after.w >= END ? chord : place(after) - place(next);
-  float step = interval(chord);
-  vec3 m = slope(came, chord) * step, n = slope(chord, goes) * step;
-  vec3 a = m + n - 2. * chord, b = 3. * chord - 2. * m - n;
-  p += ((a * t + b) * t + m) * t;
-  along = normalize((3. * a * t + 2. * b) * t + m + 1e-9);
-  phase = twist * (float(at & 4095) + t);
-  // Tubes are closed: a ring without width stands behind the last one of a strand and before the first one.
+  float step = interval(chord), level = float(e.w & 255u);
+  vec3 m = slope(came, chord) * step;
+  vec4 here = direction(at);
+  vec3 first = vec3(0);
+  if (sides > 2) first = unit(here.zw);
+  along = m;
+  cloth = unit(here.xy);
+  // Tubes are closed: a ring without width stands behind the last one of a strand and before the first one. Those
+  // between them have no width either.
   int cap = 0;
-  if (sides > 2 && e.w < END && ends && t > 0.) cap = 1;
-  if (sides > 2 && e.w >= END && !ends && ring % shape.y == shape.y - 1) {
-    cap = -1;
-    p = place(next);
-    along = normalize(place(after) - p + 1e-9);
+  if (t > 0.) {
+    uvec4 after = entry(at + 2);
+    vec3 goes = ends || after.w >= END ? chord : place(after) - place(next);
+    vec3 n = slope(chord, goes) * step, a = m + n - 2. * chord, b = 3. * chord - 2. * m - n;
+    p += ((a * t + b) * t + m) * t;
+    along = (3. * a * t + 2. * b) * t + m;
+    vec4 there = direction(ends ? at : at + 1);
+    cloth = mix(cloth, unit(there.xy), t);
+    first = mix(first, unit(there.zw), t);
+    level = mix(level, float((ends ? e : next).w & 255u), t);
+    if (sides > 2 && e.w < END && ends) cap = 1;
+    if (sides > 2 && e.w >= END && !ends && ring % shape.y == shape.y - 1) {
+      cap = -1;
+      p = place(next);
+      along = place(after) - p;
+    }
   }
-  if (cap != 0) gone = 0.;
-
-  vec4 here = texelFetch(directions, ivec2(at & 2047, at >> 11), 0);
-  int then = ends ? at : at + 1;
-  vec4 there = texelFetch(directions, ivec2(then & 2047, then >> 11), 0);
-  cloth = mix(unit(here.xy), unit(there.xy), t);
-  height = mix(heights.x, heights.y, mix(float(e.w & 255u), float((ends ? e : next).w & 255u), t) / 255.);
+  along = normalize(along + 1e-9);
+  phase = twist * (float(at & 4095) + t);
+  height = mix(heights.x, heights.y, level / 255.);
   sight = p - eye;
   float dot_size = pixel * length(sight);
   size = radius / dot_size;
@@ -99,12 +117,11 @@ void main() {
     width = max(radius, .6 * dot_size);
     p += width * across * side;
   } else {
-    vec3 first = mix(unit(here.zw), unit(there.zw), t);
     first = normalize(first - along * dot(first, along));
     around = 6.2831853 * float(corner) / float(sides);
     side = cos(around) * first + sin(around) * cross(along, first);
     if (cap != 0) side = float(cap) * along;
-    else p += radius * side;
+    else if (e.w < END) p += radius * side;
     front = side;
   }
   gl_Position = clip * vec4(p, 1.);
