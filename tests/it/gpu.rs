@@ -37,11 +37,11 @@ fn on(
     render(scene, camera, &RenderOptions { renderer, ..options.clone() }, &|_| ()).unwrap()
 }
 
-/// Mean FLIP between both renderers' pictures, 512 pixels square, of sixteen samples.
+/// Mean FLIP between both renderers' pictures, 384 pixels square, of sixteen samples.
 pub(crate) fn difference(scene: &Scene, camera: &Camera) -> f64 {
     let options = RenderOptions {
-        width: 512,
-        height: 512,
+        width: 384,
+        height: 384,
         spp: 16,
         st: 80,
         sr: 16,
