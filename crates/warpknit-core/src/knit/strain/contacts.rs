@@ -115,32 +115,20 @@ impl StrainSolver<'_> {
         self.pairs = pairs;
     }
 
-    /// For each point the points with which it shares residuals.
+    /// For each point the points with which it shares residuals, in ascending order.
     pub(super) fn neighbours(&self) -> Vec<Vec<u32>> {
-        let mut neighbours = vec![Vec::new(); self.points.len()];
-        let mut join = |points: &[u32]| {
-            for &one in points {
-                let others = points.iter().copied().filter(|&other| other != one);
-                neighbours[one as usize].extend(others);
+        let mut joined = PointSets::new(self.points.len());
+        self.rest.spans.iter().for_each(|span| joined.join(&span.control.points));
+        let mut before = None;
+        for pair in &self.pairs {
+            let spans = pair.spans(self.rest);
+            // Segments of the same two spans follow each other.
+            let points = spans.map(|span| span.control.points);
+            if before.replace(points) != Some(points) {
+                joined.join(points.as_flattened());
             }
-        };
-        self.rest.spans.iter().for_each(|span| join(&span.control.points));
-        let mut spans: Vec<_> = self
-            .pairs
-            .iter()
-            .map(|pair| [pair.a, pair.b].map(|at| self.rest.segments[at as usize].span))
-            .collect();
-        spans.sort_unstable();
-        spans.dedup();
-        for [one, other] in spans {
-            let points = [one, other].map(|span| self.rest.spans[span as usize].control.points);
-            join(points.as_flattened());
         }
-        for own in &mut neighbours {
-            own.sort_unstable();
-            own.dedup();
-        }
-        neighbours
+        joined.lists()
     }
 
     /// How near a pair is; nothing if it is farther than `cutoff` over touching.
@@ -183,6 +171,47 @@ impl StrainSolver<'_> {
         let sample = segment.sample as usize;
         f64::midpoint(self.along[sample], self.along[sample + 1])
     }
+}
+
+/// For each point a set of points, as bits.
+struct PointSets {
+    /// Words of a set.
+    width: usize,
+    words: Vec<u64>,
+}
+
+impl PointSets {
+    fn new(points: usize) -> Self {
+        let width = points.div_ceil(64);
+        Self { width, words: vec![0; points * width] }
+    }
+
+    /// Puts each of some points into the sets of the others.
+    fn join(&mut self, points: &[u32]) {
+        for &one in points {
+            let own = &mut self.words[one as usize * self.width..][..self.width];
+            for &other in points.iter().filter(|&&other| other != one) {
+                own[other as usize / 64] |= 1 << (other % 64);
+            }
+        }
+    }
+
+    fn lists(&self) -> Vec<Vec<u32>> {
+        let list = |set: &[u64]| {
+            let words = (0u32..).step_by(64).zip(set);
+            words.flat_map(|(first, &word)| bits(word).map(move |bit| first + bit)).collect()
+        };
+        self.words.chunks_exact(self.width.max(1)).map(list).collect()
+    }
+}
+
+/// The places of a word's bits, in ascending order.
+fn bits(word: u64) -> impl Iterator<Item = u32> {
+    std::iter::successors((word != 0).then_some(word), |word| {
+        let rest = word & (word - 1);
+        (rest != 0).then_some(rest)
+    })
+    .map(u64::trailing_zeros)
 }
 
 /// The largest stretch of a map.

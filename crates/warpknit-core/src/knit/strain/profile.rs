@@ -15,8 +15,10 @@ use glam::DVec3;
 
 use crate::ids::index32;
 
-/// Products that are summed side by side, so that the compiler vectorises them.
+/// Products that are summed side by side, so that the compiler vectorises them: in one pair of rows, and in each of
+/// nine pairs, whose sums then fit the registers of any processor.
 const LANES: usize = 8;
+const PAIR: usize = 2;
 
 /// The matrix and the right side of normal equations.
 #[derive(Clone, Debug, Default)]
@@ -65,19 +67,23 @@ impl Profile {
     /// by their places.
     pub(super) fn add_product(&mut self, entries: &[(u32, DVec3)]) {
         for &(one, a) in entries {
-            let a = a.to_array();
-            let row = self.rows[one as usize];
+            let row = self.rows[one as usize] as usize;
+            // Each row of a point is longer by one than the row before it.
+            let length = row - self.first[row] as usize + 1;
             for &(other, b) in entries {
-                let column = self.rows[other as usize];
+                let column = self.rows[other as usize] as usize;
                 if column > row {
                     continue;
                 }
-                for (i, a) in a.into_iter().enumerate() {
-                    let start = self.at(row as usize + i, column as usize);
+                let at = self.at(row, column);
+                let block = &mut self.values[at..];
+                let b = b.to_array();
+                for (i, (a, start)) in
+                    a.to_array().into_iter().zip([0, length, 2 * length + 1]).enumerate()
+                {
                     // Above the diagonal of a block on it, the entry of the other side counts.
                     let width = if column == row { i + 1 } else { 3 };
-                    for (value, b) in self.values[start..start + width].iter_mut().zip(b.to_array())
-                    {
+                    for (value, b) in block[start..start + width].iter_mut().zip(b) {
                         *value += a * b;
                     }
                 }
@@ -104,26 +110,35 @@ impl Profile {
     }
 
     /// Replaces the matrix by its Cholesky factor. False where it is not positive definite.
+    ///
+    /// The three rows of a point begin in the same column, so they are taken together: nine products of rows then
+    /// read six rows, where one at a time reads eighteen.
     pub(super) fn factor(&mut self) -> bool {
-        for row in 0..self.first.len() {
+        for row in (0..self.first.len()).step_by(3) {
             let start = self.first[row] as usize;
-            for column in start..row {
+            let (above, own) = self.values.split_at_mut(place(self.origin[row], start));
+            let (own, width) = (&mut own[..3 * (row - start) + 6], row - start);
+            let (one, rest) = own.split_at_mut(width + 1);
+            let (two, three) = rest.split_at_mut(width + 2);
+            for column in (start..row).step_by(3) {
                 let shared = start.max(self.first[column] as usize);
-                let (left, right) = self.values.split_at(self.at(row, start));
-                let others = &left[self.at(column, shared)..=self.at(column, column)];
-                let (diagonal, others) = others.split_last().expect("a row has its diagonal");
-                let own = &right[shared - start..column - start];
-                let entry = (right[column - start] - dot(own, others)) / diagonal;
-                let at = self.at(row, column);
-                self.values[at] = entry;
+                let others = [0, 1, 2].map(|line| {
+                    let at = place(self.origin[column + line], shared);
+                    &above[at..=at + column + line - shared]
+                });
+                let (from, to) = (shared - start, column - start);
+                let own = [&one[from..to], &two[from..to], &three[from..to]];
+                let sums = products(own, others.map(|other| &other[..to - from]));
+                let corner = others.map(|other| &other[to - from..]);
+                for (line, sums) in [&mut *one, two, three].into_iter().zip(sums) {
+                    solve_corner(&mut line[to..to + 3], sums, corner);
+                }
             }
-            let at = self.at(row, row);
-            let own = &self.values[self.at(row, start)..at];
-            let rest = self.values[at] - dot(own, own);
-            if rest <= 0.0 {
+            let own = [&one[..width], &two[..width], &three[..width]];
+            let sums = products(own, own);
+            if !factor_corner([&mut one[width..], &mut two[width..], &mut three[width..]], sums) {
                 return false;
             }
-            self.values[at] = rest.sqrt();
         }
         true
     }
@@ -150,8 +165,73 @@ impl Profile {
     }
 
     fn at(&self, row: usize, column: usize) -> usize {
-        self.origin[row].wrapping_add_unsigned(column).unsigned_abs()
+        place(self.origin[row], column)
     }
+}
+
+/// The place of a column in a row that would begin at an origin.
+fn place(origin: isize, column: usize) -> usize {
+    origin.wrapping_add_unsigned(column).unsigned_abs()
+}
+
+/// The scalar products of three rows with three others, all of one length.
+#[inline]
+fn products(own: [&[f64]; 3], others: [&[f64]; 3]) -> [[f64; 3]; 3] {
+    let (own, own_last) = chunks(own);
+    let (others, others_last) = chunks(others);
+    let count = own[0].len();
+    let [own, others] = [own, others].map(|rows| rows.map(|row| &row[..count]));
+    let mut sums = [[[0.0; PAIR]; 3]; 3];
+    for at in 0..count {
+        for i in 0..3 {
+            for j in 0..3 {
+                for lane in 0..PAIR {
+                    sums[i][j][lane] += own[i][at][lane] * others[j][at][lane];
+                }
+            }
+        }
+    }
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let last: f64 = own_last[i].iter().zip(others_last[j]).map(|(a, b)| a * b).sum();
+            sums[i][j].iter().sum::<f64>() + last
+        })
+    })
+}
+
+/// Three rows in pairs, and what is left of each.
+fn chunks<'a>(rows: [&'a [f64]; 3]) -> ([&'a [[f64; PAIR]]; 3], [&'a [f64]; 3]) {
+    let rows = rows.map(<[f64]>::as_chunks);
+    (rows.map(|(pairs, _)| pairs), rows.map(|(_, last)| last))
+}
+
+/// Three entries of a row of the factor, from the matrix's, the products before them, and the lower triangle on the
+/// diagonal of their columns.
+#[inline]
+fn solve_corner(entries: &mut [f64], sums: [f64; 3], corner: [&[f64]; 3]) {
+    for column in 0..3 {
+        let known: f64 = (0..column).map(|before| entries[before] * corner[column][before]).sum();
+        entries[column] = (entries[column] - sums[column] - known) / corner[column][column];
+    }
+}
+
+/// The lower triangle of the factor on the diagonal. False where it is not positive definite.
+fn factor_corner(corner: [&mut [f64]; 3], sums: [[f64; 3]; 3]) -> bool {
+    for row in 0..3 {
+        for column in 0..=row {
+            let known: f64 =
+                (0..column).map(|before| corner[row][before] * corner[column][before]).sum();
+            let rest = corner[row][column] - sums[row][column] - known;
+            if column < row {
+                corner[row][column] = rest / corner[column][column];
+            } else if rest > 0.0 {
+                corner[row][row] = rest.sqrt();
+            } else {
+                return false;
+            }
+        }
+    }
+    true
 }
 
 /// The scalar product of two rows.
