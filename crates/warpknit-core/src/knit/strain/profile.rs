@@ -12,12 +12,14 @@
 //! short rows in cloth whose repeat is wide and long.
 
 use glam::DVec3;
+use wide::f64x2;
 
 use crate::ids::index32;
 
-/// Products that are summed side by side, so that the compiler vectorises them: in one pair of rows, and in each of
-/// nine pairs, whose sums then fit the registers of any processor.
+/// Products that are summed side by side, so that the compiler vectorises them.
 const LANES: usize = 8;
+/// The same for nine pairs of rows at once: their sums fit the registers of any processor. The compiler by itself would
+/// put other sums side by side, and shuffle them.
 const PAIR: usize = 2;
 
 /// The matrix and the right side of normal equations.
@@ -181,20 +183,19 @@ fn products(own: [&[f64]; 3], others: [&[f64]; 3]) -> [[f64; 3]; 3] {
     let (others, others_last) = chunks(others);
     let count = own[0].len();
     let [own, others] = [own, others].map(|rows| rows.map(|row| &row[..count]));
-    let mut sums = [[[0.0; PAIR]; 3]; 3];
+    let mut sums = [[f64x2::ZERO; 3]; 3];
     for at in 0..count {
-        for i in 0..3 {
-            for j in 0..3 {
-                for lane in 0..PAIR {
-                    sums[i][j][lane] += own[i][at][lane] * others[j][at][lane];
-                }
+        let [own, others] = [own, others].map(|rows| rows.map(|row| f64x2::new(row[at])));
+        for (sums, own) in sums.iter_mut().zip(own) {
+            for (sum, other) in sums.iter_mut().zip(others) {
+                *sum += own * other;
             }
         }
     }
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
             let last: f64 = own_last[i].iter().zip(others_last[j]).map(|(a, b)| a * b).sum();
-            sums[i][j].iter().sum::<f64>() + last
+            sums[i][j].reduce_add() + last
         })
     })
 }
