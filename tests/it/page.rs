@@ -88,6 +88,7 @@ fn a_browser_draws_turns_and_magnifies_pages_and_fetches_nothing() {
         let found = probed(browser, folder.path(), page);
         for expected in [
             "draws=true",
+            "sharpens=true",
             "turns=true",
             "returns=true",
             "hides=true",
@@ -95,6 +96,7 @@ fn a_browser_draws_turns_and_magnifies_pages_and_fetches_nothing() {
             "zooms=true",
             "fetched=0",
             "error=none",
+            "gl_error=0",
             "errors=none",
         ] {
             assert!(found.split(' ').any(|word| word == expected), "{page}: {expected}: {found}");

@@ -43,6 +43,10 @@ const key = name => after(new KeyboardEvent('keydown', { key: name, bubbles: tru
 const rest = () => new Promise(done => setTimeout(done, 1500));
 const box = canvas.getBoundingClientRect(), middle = { clientX: box.x + box.width / 2, clientY: box.y + box.height / 2 };
 
+// The first picture is a coarse one. A sharp one follows by itself, with all pixels of the canvas.
+const isSharp = () => +data.frames > 1 && canvas.width === Math.round(canvas.clientWidth * Math.min(devicePixelRatio, 2));
+for (let waited = 0; waited < 100 && !isSharp(); waited++) await new Promise(done => setTimeout(done, 200));
+const sharpens = isSharp();
 await rest();
 const front = await key('f'), turned = await key('ArrowRight'), back = await key('b');
 await rest();
@@ -53,6 +57,7 @@ await key('l');
 const zoomed = await after(new WheelEvent('wheel', { deltaY: -400, ...middle }), canvas);
 const found = {
   draws: front.covered > 0.05,
+  sharpens,
   turns: turned.hash !== front.hash && back.hash !== front.hash,
   returns: again.hash === front.hash,
   hides: without.covered < front.covered,
@@ -62,6 +67,7 @@ const found = {
   uneven: again.uneven,
   facts: document.querySelectorAll('#facts dd').length,
   error: data.error || 'none',
+  gl_error: canvas.getContext('webgl2').getError(),
   errors: errors.length ? errors.join(';').replaceAll(/[\s"<>&]+/g, '_') : 'none',
 };
 console.log('probe: ' + Object.entries(found).map(([name, value]) => `${name}=${value}`).join(' '));

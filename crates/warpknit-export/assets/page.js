@@ -135,8 +135,8 @@ function carryFrames({ places, directions, starts }) {
 // ---- The graphics card
 
 const fail = text => { $('message').textContent = text; document.body.dataset.error = text; };
-// The pixels of a picture: fewer of them where it is coarse. They are set before there is a context, which would take its
-// time over another size.
+// Sets the pixels of a picture: fewer where it is coarse. This is done before there is a context, since a change of size
+// afterwards takes time.
 function fit(coarse) {
   const scale = Math.min(devicePixelRatio, 2) * (coarse ? 0.6 : 1);
   const [width, height] = [canvas.clientWidth, canvas.clientHeight].map(length => Math.max(1, Math.round(length * scale)));
@@ -179,7 +179,8 @@ function texture(unitNumber, name, ...image) {
 const texels = [WIDTH, yarns.rows, 0];
 texture(0, 'points', gl.RGBA16UI, ...texels, gl.RGBA_INTEGER, gl.UNSIGNED_SHORT, yarns.places);
 texture(1, 'directions', gl.RGBA8_SNORM, ...texels, gl.RGBA, gl.BYTE, yarns.directions);
-// Sharp pictures have some samples a pixel, in a frame of their own. Coarse ones are drawn straight onto the canvas.
+// Sharp pictures have up to four samples a pixel, in a framebuffer of their own. Coarse ones are drawn straight onto the
+// canvas, and so are pictures for which the card has no memory.
 const sharp = gl.createFramebuffer(), SAMPLES = Math.min(4, gl.getParameter(gl.MAX_SAMPLES));
 const layers = [[gl.RGBA8, gl.COLOR_ATTACHMENT0], [gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT]].map(([format, place]) => {
   const buffer = gl.createRenderbuffer();
@@ -188,14 +189,17 @@ const layers = [[gl.RGBA8, gl.COLOR_ATTACHMENT0], [gl.DEPTH_COMPONENT24, gl.DEPT
   gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
   return { buffer, format };
 });
-let sharpSize = '';
+let sharpSize = '', hasSharp = false;
 function resizeSharp(width, height) {
-  if (sharpSize === `${width}x${height}`) return;
+  if (sharpSize === `${width}x${height}`) return hasSharp;
   sharpSize = `${width}x${height}`;
   for (const { buffer, format } of layers) {
     gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
     gl.renderbufferStorageMultisample(gl.RENDERBUFFER, SAMPLES, format, width, height);
   }
+  gl.bindFramebuffer(gl.FRAMEBUFFER, sharp);
+  hasSharp = gl.checkFramebufferStatus(gl.FRAMEBUFFER) === gl.FRAMEBUFFER_COMPLETE;
+  return hasSharp;
 }
 gl.enable(gl.DEPTH_TEST);
 gl.uniform1f(at('grid'), cloth.step);
@@ -229,7 +233,7 @@ function drawYarns({ clip, eye, pixel }, fineness) {
   let waiting = null, bar = -1;
   const flush = () => {
     if (!waiting) return;
-    const { a, b, detail: [rings, sides] } = waiting, segments = (b - a) * rings;
+    const { a, b, detail: [rings, sides] } = waiting, isEnd = at => yarns.places[4 * at + 3] & END;
     if (waiting.bar !== bar) {
       ({ bar } = waiting);
       gl.uniform3fv(at('color'), cloth.bars[bar].color);
@@ -243,11 +247,13 @@ function drawYarns({ clip, eye, pixel }, fineness) {
       gl.activeTexture(gl.TEXTURE1);
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WIDTH, yarns.rows, gl.RGBA, gl.BYTE, yarns.directions);
     }
-    gl.uniform3i(at('shape'), a, rings, sides);
+    // A run that ends with a strand stops at its last point. What follows belongs to another run, or is nothing. A tube
+    // also has the caps on the entries around its strands.
+    const from = sides > 2 && isEnd(a - 1) ? a - 1 : a, segments = ((isEnd(b - 1) ? b - 1 : b) - from) * rings;
+    const points = isEnd(b - 1) ? segments - rings + 1 : segments + 1;
+    gl.uniform3i(at('shape'), from, rings, sides);
     gl.uniform1i(at('sides'), sides);
-    // A ribbon stops at its strand's last point: nothing follows where it could wait.
-    const past = yarns.places[4 * b - 1] & END ? 2 * rings : 0;
-    gl.drawArrays(gl.TRIANGLE_STRIP, 0, sides === 2 ? 2 * (segments + 1 - past) : segments * (2 * sides + 2));
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, sides === 2 ? 2 * Math.max(0, points) : segments * (2 * sides + 2));
     waiting = null;
   };
   for (const chunk of chunks) {
@@ -343,7 +349,7 @@ function zoom(factor, x = 0.5, y = 0.5) {
 
 // ---- Pictures
 
-let asked = true, moved = -Infinity, slow = false, before = 0, frames = 0;
+let asked = true, moved = -Infinity, slow = false, late = 0, sharpening = 0, frames = 0;
 function invalidate(moving = false) {
   if (moving) moved = performance.now();
   if (!asked) requestAnimationFrame(draw);
@@ -352,17 +358,17 @@ function invalidate(moving = false) {
 
 function draw(now) {
   asked = false;
-  // A card (or a processor in its place) that takes over 80 ms draws coarser pictures while the view moves.
+  // A card (or a processor in its place) whose frames come over 80 ms late draws coarser pictures while the view moves.
+  // One such frame may be the first that shows tubes, so it takes two.
   const moving = now - moved < 250;
-  if (moving && before && now - before < 1000 && now - before > 80) slow = true;
-  before = moving ? now : 0;
-  // So is the first one of all, which comes sooner then.
+  if (moving && !slow) requestAnimationFrame(next => { late = next - now > 80 ? late + 1 : 0; slow = late > 1; });
+  // The first picture is coarse too, so that it comes sooner.
   const coarse = slow && moving || !frames;
   const { width, height, scale } = fit(coarse), fineness = coarse ? 0.4 : 1;
   const seen = camera(width / height);
   seen.pixel = 2 * Math.tan(FOV / 2) / height;
-  if (!coarse) resizeSharp(width, height);
-  gl.bindFramebuffer(gl.FRAMEBUFFER, coarse ? null : sharp);
+  const isSampled = !coarse && resizeSharp(width, height);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, isSampled ? sharp : null);
   gl.viewport(0, 0, width, height);
   gl.clearColor(0, 0, 0, 0);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -371,12 +377,15 @@ function draw(now) {
   gl.uniform2fv(at('heights'), heights);
   drawYarns(seen, fineness);
   if (loupe.on) drawLoupe(seen, width, height, scale, fineness);
-  if (!coarse) {
+  if (isSampled) {
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
   }
   showScale();
-  if (coarse) setTimeout(() => performance.now() - moved >= 250 && invalidate(), moving ? 300 : 0);
+  // The sharp one follows once the view rests, in a frame after the one that shows this one.
+  clearTimeout(sharpening);
+  if (coarse && moving) sharpening = setTimeout(() => performance.now() - moved >= 250 && invalidate(), 300);
+  else if (coarse) requestAnimationFrame(() => invalidate());
   document.body.dataset.frames = ++frames;
 }
 
@@ -388,7 +397,7 @@ function drawLoupe(seen, width, height, scale, fineness) {
   gl.viewport(x - radius, y - radius, 2 * radius, 2 * radius);
   gl.enable(gl.SCISSOR_TEST);
   gl.scissor(x - radius, y - radius, 2 * radius, 2 * radius);
-  // The loupe's disc at the greatest depth, whatever is there; around it nothing comes before the least depth.
+  // All depths of the window become the least, so that nothing is drawn. The disc then sets its own to the greatest.
   gl.clearDepth(0);
   gl.clear(gl.DEPTH_BUFFER_BIT);
   gl.clearDepth(1);

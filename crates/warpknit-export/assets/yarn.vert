@@ -55,16 +55,17 @@ void main() {
   int at = shape.x + ring / shape.y;
   float t = float(ring % shape.y) / float(shape.y);
   uvec4 e = entry(at), next = entry(at + 1);
-  // A ribbon has no area between strands: it waits at a corner of the last ring, then at one of the next strand's.
+  // Between strands a ribbon's vertices coincide, first with a corner of the last ring, then with one of the next
+  // strand's first ring. So its triangles have no area there.
   if (sides == 2 && (e.w >= END || t > 0. && next.w >= END)) {
-    bool waits = e.w < END || corner == 0 && t == 0.;
-    if (e.w >= END) at += waits ? -1 : 1;
-    corner = waits ? 1 : 0;
+    bool is_behind = e.w < END || corner == 0 && t == 0.;
+    if (e.w >= END) at += is_behind ? -1 : 1;
+    corner = is_behind ? 1 : 0;
     t = 0.;
     e = entry(at);
     next = entry(at + 1);
   }
-  uvec4 before = entry(at - 1);
+  uvec4 before = entry(max(at - 1, 0));
   bool ends = next.w >= END;
 
   vec3 p = place(e), chord = place(next) - p;
