@@ -202,7 +202,7 @@ fn products(own: [&[f64]; 3], others: [&[f64]; 3]) -> [[f64; 3]; 3] {
 }
 
 /// Three rows in pairs, and what is left of each.
-fn chunks<'a>(rows: [&'a [f64]; 3]) -> ([&'a [[f64; PAIR]]; 3], [&'a [f64]; 3]) {
+fn chunks(rows: [&[f64]; 3]) -> ([&[[f64; PAIR]]; 3], [&[f64]; 3]) {
     let rows = rows.map(<[f64]>::as_chunks);
     (rows.map(|(pairs, _)| pairs), rows.map(|(_, last)| last))
 }
