@@ -21,6 +21,7 @@ use warpknit::export::npz::NpzOptions;
 use warpknit::export::{Axes, Format, default_section, png};
 use warpknit::pipeline::{self, Clock, RunError, Settings, Source, Textures};
 use warpknit::render::scene::{Scene, Shape};
+use warpknit::render::set::Set;
 use warpknit::render::{self, Background, Camera, RenderOptions};
 use warpknit::yarn::tube::{MAX_ST, SR, Section, Tubes};
 use warpknit::{fabric, garment};
@@ -425,11 +426,13 @@ impl Yarns {
     ///
     /// size: width and height, pixels. view: "front", "back", "left", "right", "top" or "iso".
     /// zoom: magnifies the middle. background: "white", "#rrggbb" or "transparent". spp: samples for
-    /// each pixel. shape: "tube" or "ribbon".
-    #[pyo3(signature = (size=(800, 600), view="front", *, zoom=1.0, background="white", spp=4,
-                        shape="tube"),
-           text_signature = "($self, size=(800, 600), view='front', *, zoom=1.0, \
-                             background='white', spp=4, shape='tube')")]
+    /// each pixel. shape: "tube" or "ribbon". environment: a .hdr or .exr of everything around, which
+    /// lights the yarns, and is seen behind them unless there is a background. environment_turn: turns
+    /// it around the vertical, degrees, counter-clockwise as seen from above.
+    #[pyo3(signature = (size=(800, 600), view="front", *, zoom=1.0, background=None, spp=4,
+                        shape="tube", environment=None, environment_turn=0.0),
+           text_signature = "($self, size=(800, 600), view='front', *, zoom=1.0, background=None, \
+                             spp=4, shape='tube', environment=None, environment_turn=0.0)")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn render(
         &self,
@@ -437,18 +440,33 @@ impl Yarns {
         size: (i64, i64),
         view: &str,
         zoom: f64,
-        background: &str,
+        background: Option<&str>,
         spp: i64,
         shape: &str,
+        environment: Option<PathBuf>,
+        environment_turn: f64,
     ) -> PyResult<Py<PyAny>> {
-        let background = background.parse::<Background>();
+        let background = background.map(str::parse::<Background>).transpose();
         let background = background.map_err(|error| PyValueError::new_err(error.to_string()))?;
         let (size, spp) = (picture_size(size)?, whole("spp", spp, &(1..=4096))?);
         if !(zoom.is_finite() && zoom > 0.0) {
             return Err(PyValueError::new_err(format!("zoom is {zoom}, but must be above 0")));
         }
+        if !environment_turn.is_finite() {
+            let text = format!("environment_turn is {environment_turn}, but must be an angle");
+            return Err(PyValueError::new_err(text));
+        }
         let (width, height) = size;
-        let options = RenderOptions { width, height, background, spp, ..RenderOptions::default() };
+        let mut options = RenderOptions { width, height, spp, ..RenderOptions::default() };
+        if let Some(path) = environment {
+            let read = py.detach(|| pipeline::read_environment(&path, environment_turn.to_radians()));
+            let read = read.map_err(|error| PyValueError::new_err(error::line(&error)))?;
+            options.light = read.light();
+            // A background is seen in its place.
+            let seen = background.is_none().then(|| Set::default().with_environment(Arc::new(read)));
+            options.set = seen.map(Arc::new);
+        }
+        options.background = background.unwrap_or_default();
         let picture = self.picture(py, names::view(view)?, names::shape(shape)?, zoom, &options)?;
         let pixels = picture.into_raw().into_pyarray(py);
         pixels.reshape([height as usize, width as usize, 4])?.into_py_any(py)

@@ -114,6 +114,8 @@ def test_pictures_are_arrays_and_png(yarns: warpknit.Yarns) -> None:
     assert (picture[..., 3] == 255).all() and (picture[30, 40, :3] != 255).any()
     clear = yarns.render(size=(80, 60), background="transparent")
     assert clear[0, 0, 3] == 0 and clear[30, 40, 3] > 200
+    white = yarns.render(size=(80, 60), background="white")
+    assert (white == yarns.render(size=(80, 60))).all() and (white[0, 0] == 255).all()
     png = yarns._repr_png_()
     assert png.startswith(b"\x89PNG") and png[16:24] == (800).to_bytes(4, "big") + (600).to_bytes(4, "big")
 
@@ -129,11 +131,25 @@ def test_pictures_are_arrays_and_png(yarns: warpknit.Yarns) -> None:
         ({"spp": 0}, "spp is 0"),
         ({"zoom": 0.0}, "zoom is 0"),
         ({"zoom": float("nan")}, "zoom is NaN"),
+        ({"environment_turn": float("inf")}, "environment_turn is inf"),
     ],
 )
 def test_pictures_of_nonsense_are_refused(yarns: warpknit.Yarns, arguments: dict[str, object], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         yarns.render(**arguments)  # type: ignore[arg-type]
+
+
+def test_an_environment_lights_yarns_and_is_seen(yarns: warpknit.Yarns, tmp_path: Path) -> None:
+    # Radiance's old form: a byte for each of red, green, blue and their exponent.
+    sky, ground = bytes([40, 60, 255, 128]), bytes([20, 40, 10, 128])
+    path = tmp_path / "sky.hdr"
+    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + sky * 4 + ground * 4)
+    seen = yarns.render(size=(80, 60), environment=path)
+    assert seen[0, 0, 2] > 2 * seen[0, 0, 0]
+    lit = yarns.render(size=(80, 60), background="white", environment=str(path), environment_turn=90.0)
+    assert (lit[0, 0] == 255).all() and (lit != yarns.render(size=(80, 60))).any()
+    with pytest.raises(ValueError, match=r"none\.hdr"):
+        yarns.render(environment=tmp_path / "none.hdr")
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

@@ -4,6 +4,7 @@
 //! settings.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::Result;
 use warpknit::drape::evenness::Evenness;
@@ -12,9 +13,12 @@ use warpknit::export::glb::GlbOptions;
 use warpknit::export::npz::NpzOptions;
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::ReadOptions;
-use warpknit::pipeline::{Densities, PictureSettings, Placement, Settings, Source, cache_folder};
+use warpknit::pipeline::{
+    Densities, PictureSettings, Placement, Settings, Source, cache_folder, read_environment,
+};
+use warpknit::render::environment::Environment;
 
-use super::args::{Chains, Drawing, Laying, Reading, Shared};
+use super::args::{Chains, Drawing, Laying, Reading, Shared, Stage};
 use super::terminal::tell;
 use super::values::{FloatArg, RunIn, SwitchArg};
 
@@ -38,6 +42,15 @@ impl Drawing {
     /// Whether pictures show stitches that are copies of each other.
     pub(super) fn evenness(&self) -> Evenness {
         if self.regular { Evenness::Regular } else { Evenness::Uneven }
+    }
+}
+
+impl Stage {
+    /// The environment, read from its file.
+    pub(super) fn environment(&self) -> Result<Option<Arc<Environment>>> {
+        let turn = self.environment_turn.to_radians();
+        let read = |path: &PathBuf| read_environment(path, turn).map(Arc::new);
+        Ok(self.environment.as_ref().map(read).transpose()?)
     }
 }
 

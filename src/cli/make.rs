@@ -30,6 +30,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
         picture: PictureSettings {
             loupe: arguments.loupe.unwrap_or_default(),
             studio: arguments.stage.studio.map(SwitchArg::is_on),
+            environment: arguments.stage.environment()?,
             body: body(arguments)?,
             ..shared_settings.picture
         },
@@ -75,6 +76,7 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
         stretch: arguments.stretch,
         picture: PictureSettings {
             studio: arguments.stage.studio.map(SwitchArg::is_on),
+            environment: arguments.stage.environment()?,
             ..shared_settings.picture
         },
         ..shared_settings

@@ -14,6 +14,7 @@ mod camera;
 mod clock;
 mod densities;
 mod drawn;
+mod environment;
 mod error;
 mod estimates;
 mod fabric_maps;
@@ -40,6 +41,7 @@ mod writers;
 
 pub use clock::{Clock, Listener, Message, Task};
 pub use densities::{drawn_radius, turn_grains};
+pub use environment::{EnvironmentFileError, read_environment};
 pub use error::RunError;
 pub use fabric_maps::{MappedFabric, fabric_maps};
 pub use job::Source;

@@ -202,7 +202,9 @@ pub fn options(settings: &Settings) -> RenderOptions {
     if let Some(background) = picture.background {
         options.background = background;
     }
-    if let Some(sun) = picture.sun {
+    if let Some(environment) = &picture.environment {
+        options.light = environment.light();
+    } else if let Some(sun) = picture.sun {
         options.light.sun_direction = sun.as_vec3();
     }
     options

@@ -1,4 +1,4 @@
-//! The set of a run's pictures: the studio, the body, and the cloth as a surface.
+//! The set of a run's pictures: the studio, the environment, the body, and the cloth as a surface.
 //!
 //! In: a [`Job`], and its garment as it is draped. Out: a [`Set`], or `None` where nobody wants one.
 
@@ -52,11 +52,12 @@ pub(super) fn of(
     around: &[Vec3],
 ) -> Result<Option<Arc<Set>>, RunError> {
     let picture = &job.settings.picture;
-    // A chosen background would not be seen in a studio.
-    let by_itself = !job.is_swatch && picture.background.is_none();
+    // A chosen background would not be seen in a studio, nor an environment.
+    let by_itself = !job.is_swatch && picture.background.is_none() && picture.environment.is_none();
     let has_studio = picture.studio.unwrap_or(by_itself);
+    let environment = picture.environment.clone().filter(|_| picture.background.is_none());
     if !has_studio && !picture.has_body() {
-        return Ok(None);
+        return Ok(environment.map(|seen| Arc::new(Set::default().with_environment(seen))));
     }
     let body = body(job, garment, frame)?.and_then(|body| mesh(&body));
     let standing = Bounds::around(around).into_iter().chain(body.as_ref().map(Mesh::bounds));
@@ -64,7 +65,11 @@ pub(super) fn of(
     let cover = numbers::measure(job.shown, job.cloth.pattern()).cover;
     #[expect(clippy::cast_possible_truncation, reason = "a share needs no more")]
     let cloth = mesh(&Solid::lining(garment, 0.0)).map(|cloth| (cloth, cover as f32));
-    Ok(Some(Arc::new(Set::new(studio, body, cloth))))
+    let set = Set::new(studio, body, cloth);
+    Ok(Some(Arc::new(match environment {
+        Some(seen) => set.with_environment(seen),
+        None => set,
+    })))
 }
 
 /// The body in the cloth, if there is one.

@@ -4,6 +4,7 @@
 //! from its flags, and a user of the library by hand.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
@@ -15,6 +16,7 @@ use crate::export::glb::GlbOptions;
 use crate::export::npz::NpzOptions;
 use crate::export::{Axes, Format, InpDialect, UsdCurves};
 use crate::map::Mapping;
+use crate::render::environment::Environment;
 use crate::render::scene::Shape;
 use crate::render::{Background, Camera, RendererChoice, View};
 use crate::tile::Tile;
@@ -137,15 +139,17 @@ pub struct PictureSettings {
     pub fov: f64,
     /// Magnifies the middle of the picture.
     pub zoom: f64,
-    /// The background. By default white, where there is no studio.
+    /// The background. By default white, where there is neither studio nor environment.
     pub background: Option<Background>,
     /// Whether the cloth stands in a studio, before floor and wall. By default a garment does, unless
-    /// a background is chosen.
+    /// a background or an environment is chosen.
     pub studio: Option<bool>,
+    /// What lights the cloth from all around, and is seen behind it unless a background is chosen.
+    pub environment: Option<Arc<Environment>>,
     /// The body in the cloth of a garment.
     pub body: Body,
     /// Direction to the sun along the camera's right, up and back axes. By default that of
-    /// [`crate::render::Light`].
+    /// [`crate::render::Light`]. An environment has its own.
     pub sun: Option<DVec3>,
     /// The renderer.
     pub renderer: RendererChoice,
@@ -229,6 +233,7 @@ impl Default for PictureSettings {
             zoom: 1.0,
             background: None,
             studio: None,
+            environment: None,
             body: Body::default(),
             sun: None,
             renderer: RendererChoice::Auto,

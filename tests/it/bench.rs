@@ -154,7 +154,10 @@ fn pictures_are_timed_over_stitches_tubes_and_textures() {
     let folder = tempfile::tempdir().unwrap();
     table(
         folder.path(),
-        &["--only", "total", "--only", "st-sr", "--only", "textures", "-o", "b.json"],
+        &[
+            "--only", "total", "--only", "st-sr", "--only", "textures", "--size", "160x120", "-o",
+            "b.json",
+        ],
     );
     let tables = &json(&folder.path().join("b.json"))["tables"];
     let of = |table: &str, key: &str| -> Vec<f64> {

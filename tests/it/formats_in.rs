@@ -160,8 +160,8 @@ fn a_usd_file_that_moves_is_a_sequence() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
     command.env("XDG_CACHE_HOME", crate::cache_home()).current_dir(folder.path());
-    command.arg("drape").arg(&moving).args(["--wales-per-cm", "2", "--quiet", "-o", "yarns.csv"]);
-    command.assert().success();
+    let drape = ["--wales-per-cm", "2", "--mapping", "smooth", "--quiet", "-o", "yarns.csv"];
+    command.arg("drape").arg(&moving).args(drape).assert().success();
     for number in 1..=3 {
         assert!(folder.path().join(format!("yarns-00{number}.csv")).exists());
     }

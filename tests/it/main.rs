@@ -17,6 +17,7 @@ mod cloth;
 mod config;
 mod curves;
 mod drape;
+mod environment;
 mod estimates;
 mod evenness;
 mod fabric_maps;

@@ -3,6 +3,7 @@
 //! In: a [`Scene`], a [`Camera`] and [`RenderOptions`]. Out: an sRGB picture with straight alpha.
 //!
 //! All renderers share these modules: [`camera`] (rays and framing), [`light`] (sun and sky),
+//! [`environment`] (both from a picture of everything around),
 //! [`shade`] (reflection of a surface), [`sheen`] (specular reflection of fibres), [`ply`]
 //! (procedural plies and fibres), [`maps`] (textures of yarns), `paths` (curves as polylines) and
 //! [`tone`] (from light to pixels). [`cpu`] traces rays, or splats distant yarns; only it knows
@@ -27,6 +28,7 @@
 pub mod camera;
 pub mod cloth;
 pub mod cpu;
+pub mod environment;
 mod error;
 pub mod fabric_maps;
 pub mod fibres;

@@ -1,13 +1,14 @@
-//! Lighting of a product photograph: one sun and a sky, both placed relative to the camera.
+//! Lighting: one sun and a sky.
 //!
-//! In: a [`Light`] and the camera. Out: a [`Rig`] in world axes. The sun stands to the upper left.
-//! It makes about 40 degrees with a cloth that faces the camera, so that loops show relief from
-//! every side of a garment. The sky is a linear gradient, brightest above and behind the camera. A
-//! light fixed in the world would leave the back of a garment in the dark.
+//! In: a [`Light`] and the camera. Out: a [`Rig`] in world axes. By default it is the light of a
+//! product photograph, placed relative to the camera. The sun stands to the upper left. It makes
+//! about 40 degrees with a cloth that faces the camera, so that loops show relief from every side of
+//! a garment. The sky is a linear gradient, brightest above and behind the camera. A light fixed in
+//! the world leaves the back of a garment in the dark. That of an environment is fixed.
 
 use crate::camera::Camera;
 use glam::Vec3;
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, FRAC_1_SQRT_2};
 
 /// Fraction of the light on the cloth that reaches the gaps between its yarns. It is an
 /// approximation of multiple reflection, which is not traced. At 0 gaps turn black; towards 1 the
@@ -19,16 +20,30 @@ const INTERIOR: f32 = 0.40;
 /// distant folds darken the cloth and cost more.
 pub const SKY_REACH_RADII: f32 = 24.0;
 
+/// The axes that a light's directions are in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightAxes {
+    /// The camera's right, up and back axes.
+    #[default]
+    Camera,
+    /// Those of the scene.
+    World,
+}
+
 /// Sun and sky, linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Direction to the sun along the camera's right, up and back axes; any length but zero.
+    /// The axes of its directions.
+    pub axes: LightAxes,
+    /// Direction to the sun; any length but zero.
     pub sun_direction: Vec3,
     /// Irradiance of the sun on a surface that faces it.
     pub sun: Vec3,
     /// Angular radius of the sun, radians. Larger is softer.
     pub sun_half_angle: f32,
-    /// Radiance of the sky at its brightest, above and behind the camera.
+    /// Direction to the brightest sky; any length but zero.
+    pub sky_direction: Vec3,
+    /// Radiance of the sky there.
     pub sky_above: Vec3,
     /// Radiance of the sky opposite.
     pub sky_below: Vec3,
@@ -37,9 +52,13 @@ pub struct Light {
 impl Default for Light {
     fn default() -> Self {
         Self {
+            axes: LightAxes::Camera,
             sun_direction: Vec3::new(-0.50, 0.58, 0.64),
             sun: Vec3::new(3.05, 2.95, 2.80),
             sun_half_angle: 0.06,
+            // Tilted toward the camera: pure 'up' would leave the middle of a cloth that faces the
+            // camera dull.
+            sky_direction: Vec3::new(0.0, FRAC_1_SQRT_2, FRAC_1_SQRT_2),
             sky_above: Vec3::new(0.57, 0.59, 0.62),
             sky_below: Vec3::new(0.22, 0.215, 0.21),
         }
@@ -59,13 +78,17 @@ pub struct Rig {
 }
 
 impl Light {
-    /// Sets the light up around `camera`.
+    /// The light around `camera`.
     #[must_use]
     pub fn around(&self, camera: &Camera) -> Rig {
-        let toward_sun = camera.to_world(self.sun_direction.try_normalize().unwrap_or(Vec3::Z));
-        // Tilted toward the camera: pure 'up' would leave the middle of a cloth that faces the
-        // camera dull.
-        let zenith = camera.to_world(Vec3::new(0.0, 1.0, 1.0).normalize());
+        let to_world = |direction: Vec3| {
+            let direction = direction.try_normalize().unwrap_or(Vec3::Z);
+            match self.axes {
+                LightAxes::Camera => camera.to_world(direction),
+                LightAxes::World => direction,
+            }
+        };
+        let (toward_sun, zenith) = (to_world(self.sun_direction), to_world(self.sky_direction));
         // The sky's mean radiance, and the sun's as if spread evenly by a white diffuse surface.
         let sky = (self.sky_above + self.sky_below) * 0.5;
         Rig { toward_sun, interior: (sky + self.sun * FRAC_1_PI) * INTERIOR, light: *self, zenith }
@@ -95,6 +118,11 @@ impl Rig {
         let height = 0.5 + 0.5 * direction.dot(self.zenith);
         self.light.sky_below.lerp(self.light.sky_above, height)
     }
+}
+
+/// Luminance of linear RGB (ITU-R BT.709).
+pub(crate) fn luminance(color: Vec3) -> f32 {
+    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 #[cfg(test)]

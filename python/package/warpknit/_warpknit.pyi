@@ -147,9 +147,11 @@ class Yarns:
         view: _View = "front",
         *,
         zoom: float = 1.0,
-        background: str = "white",
+        background: str | None = None,
         spp: int = 4,
         shape: Literal["tube", "ribbon"] = "tube",
+        environment: _Path | None = None,
+        environment_turn: float = 0.0,
     ) -> NDArray[np.uint8]: ...
     def save(
         self,

@@ -3,36 +3,30 @@
 //! The doc comments of commands and flags are the help texts of the program.
 
 mod bench;
+mod cloth;
 mod photos;
+mod pictures;
+mod shared;
 mod tile;
 
 use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
-use glam::DVec3;
-use warpknit::export::Format;
-use warpknit::fabric::yarn::Count;
-use warpknit::garment::Unit;
-use warpknit::pipeline::{Enlarge, LoupeChoice, Stretch};
-use warpknit::render::Background;
+use warpknit::pipeline::{LoupeChoice, Stretch};
 use warpknit::tile::Tile;
-use warpknit::yarn::fibres::FIBRE_RADIUS;
 
-use bench::figures;
-pub(crate) use bench::{BenchFormat, Subject};
+pub(crate) use bench::{Bench, BenchFormat, Subject};
+pub(crate) use cloth::{Chains, Laying, Reading};
 pub(crate) use photos::{Capture, CaptureAs, Yarn};
+pub(crate) use pictures::{Drawing, Stage};
+pub(crate) use shared::Shared;
 pub(crate) use tile::Maps;
 
 use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
-use super::values::{
-    EdgeArg, FactsFormat, FileUnitArg, FloatArg, InpArg, MappingArg, NodesArg, PrecisionArg,
-    RendererArg, RunIn, ShapeArg, SwitchArg, UpArg, UsdCurvesArg, ViewArg, diagram, enlarge,
-    field_of_view, finite, flattening, loupe, output, positive, run_in, samples, size, stretch,
-    sun, vector,
-};
+use super::values::{FactsFormat, diagram, loupe, positive, stretch};
 
 /// The fabric, unless one is named.
 pub(crate) const DEFAULT_FABRIC: &str = "tricot";
@@ -366,75 +360,6 @@ pub(crate) struct Man {
     pub(crate) command: Option<String>,
 }
 
-#[derive(Args, Debug)]
-pub(crate) struct Bench {
-    /// Your own garment in place of ours, for plane-curved, mapping, yarn-length, total and growth:
-    /// the flat pattern and the same faces draped, or one file with vt
-    #[arg(value_name = "GARMENT", num_args = 0..=2)]
-    pub(crate) meshes: Vec<PathBuf>,
-    /// What to measure; may be repeated [default: plane-curved, total, st-sr, textures]
-    #[arg(long, value_enum, value_name = "NAME")]
-    pub(crate) only: Vec<Subject>,
-    /// The same as --only weft: plain weft knits from 20 x 20 to 100 x 100 loops, from their motif
-    /// to tubes (the ribbon paper's table)
-    #[arg(long)]
-    pub(crate) weft: bool,
-    /// In plane-curved, also run the paper's own algorithm once: it tests every triangle in turn
-    /// for each point
-    #[arg(long)]
-    pub(crate) brute: bool,
-    /// The fabric of yarn-length, a built-in one or a file [default: tricot]
-    #[arg(long, value_name = "NAME|FILE.toml")]
-    pub(crate) fabric: Option<String>,
-    /// A file to write, by its ending: .json .csv (all figures) .md .tex (tables) .svg .png (plots); may
-    /// be repeated
-    #[arg(short, long = "output", value_name = "OUT", value_parser = figures)]
-    pub(crate) outputs: Vec<(PathBuf, BenchFormat)>,
-    #[command(flatten)]
-    pub(crate) reading: Reading,
-    /// The renderer of the pictures that are timed
-    #[arg(long, value_enum, default_value = "cpu")]
-    pub(crate) renderer: RendererArg,
-    /// Edges of the tubes' section in weft
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(3..=64))]
-    pub(crate) sr: u32,
-    /// Timed runs of each, after one run to warm up; pictures have three at most
-    #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub(crate) runs: u32,
-    #[command(flatten)]
-    pub(crate) running: Running,
-}
-
-/// A lapping, yarns and run-ins of one's own.
-#[derive(Args, Debug)]
-pub(crate) struct Chains {
-    /// A bar's chain, such as 1-0/1-2//, or weft; one for each bar, front first. These bars replace
-    /// the fabric's bars and use their yarns
-    #[arg(long, value_name = "CHAIN")]
-    pub(crate) lapping: Vec<String>,
-    /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across the bar; one
-    /// for each --lapping, or one for all [default: I]
-    #[arg(long, value_name = "MARKS", requires = "lapping")]
-    pub(crate) threading: Vec<String>,
-    /// Yarn count, such as "78 dtex" or "40 den", in place of the fabric's; one for each bar,
-    /// front first, the last for all further bars. Densities follow the thickest yarn, unless they
-    /// are given
-    #[arg(long, value_name = "COUNT")]
-    pub(crate) count: Vec<Count>,
-    /// Yarn that a bar is fed, mm a rack of 480 courses; one for each bar, front first; - leaves a
-    /// bar's as it is
-    #[arg(long, value_name = "MM", value_parser = run_in, allow_negative_numbers = true)]
-    pub(crate) run_in: Vec<RunIn>,
-}
-
-impl Chains {
-    /// Whether any of its flags is given.
-    pub(crate) fn is_given(&self) -> bool {
-        let Self { lapping, threading: _, count, run_in } = self;
-        !(lapping.is_empty() && count.is_empty() && run_in.is_empty())
-    }
-}
-
 /// The part of a run's outputs that is made.
 #[derive(Args, Debug)]
 pub(crate) struct Part {
@@ -455,163 +380,6 @@ pub(crate) struct MotionArgs {
     pub(crate) fps: f64,
 }
 
-/// How yarns are laid on a garment.
-#[derive(Args, Debug)]
-pub(crate) struct Laying {
-    /// Draw stitches K times larger than true, and K² times fewer; 1 is true gauge, and auto leaves
-    /// about 12000 stitches [default: 1 in a picture; auto in other files, turntables, sequences and
-    /// `view`]
-    #[arg(long, value_name = "K|auto", value_parser = enlarge, allow_negative_numbers = true, conflicts_with_all = ["wales_per_cm", "courses_per_cm"])]
-    pub(crate) enlarge: Option<Enlarge>,
-    /// What happens to yarns at a panel's edge
-    #[arg(long, value_enum, default_value = "clip")]
-    pub(crate) edge: EdgeArg,
-    /// How yarns are mapped from the flat panel to the draped one
-    #[arg(long, value_enum, default_value = "relaxed")]
-    pub(crate) mapping: MappingArg,
-    /// Move yarns apart that cut each other on the body [default: up to a million stitches, with
-    /// the mapping `relaxed`; not in a picture that shows true gauge unasked]
-    #[arg(long, value_enum, value_name = "on|off")]
-    pub(crate) sweeps: Option<SwitchArg>,
-    /// Don't keep strained repeats for the next run, nor use those that are kept
-    #[arg(long)]
-    pub(crate) no_cache: bool,
-}
-
-/// How meshes are read.
-#[derive(Args, Debug)]
-pub(crate) struct Reading {
-    /// Length of one unit of the draped mesh: mm, cm, dm, m or in [default: guessed from its size]
-    #[arg(long, value_name = "UNIT")]
-    pub(crate) unit: Option<Unit>,
-    /// Length of one unit of the flat mesh, mm [default: from the areas]
-    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
-    pub(crate) uv_scale: Option<f64>,
-    /// Turn the wale direction, counter-clockwise seen from the technical face
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
-    pub(crate) grain: f64,
-    /// Turn the cloth over: technical face inside
-    #[arg(long)]
-    pub(crate) turn: bool,
-    /// Knit a garment although over 10 % of its draped area can't take stitches
-    #[arg(long)]
-    pub(crate) allow_loss: bool,
-}
-
-/// Flags that `drape`, `swatch` and `view` share.
-#[derive(Args, Debug)]
-pub(crate) struct Shared {
-    /// A file to write, by its ending: .png .html (a page to turn and zoom) .glb .obj .ply
-    /// .usda .usdc .bcc .curves.txt .inp .npz .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape
-    /// or the fabric]
-    #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
-    pub(crate) outputs: Vec<(PathBuf, Format)>,
-    /// A built-in fabric or a fabric file
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = DEFAULT_FABRIC)]
-    pub(crate) fabric: String,
-    #[command(flatten)]
-    pub(crate) chains: Chains,
-    /// Wales per cm; yarns are drawn in proportion [default: the fabric's; on a garment, see
-    /// --enlarge]
-    #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
-    pub(crate) wales_per_cm: Option<f64>,
-    /// Courses per cm [default: in proportion to the wales]
-    #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
-    pub(crate) courses_per_cm: Option<f64>,
-    /// Tube segments for each stitch [default: 10 in files, 40 in pictures]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
-    pub(crate) st: Option<u32>,
-    /// Edges of a tube's section [default: 6 in files, 12 in pictures]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=64))]
-    pub(crate) sr: Option<u32>,
-    /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
-    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
-    pub(crate) radius: Option<f64>,
-    /// Width over height of the tubes' section in files: over 1 it lies flat in the fabric's plane;
-    /// its area is kept
-    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening)]
-    pub(crate) flatten: f64,
-    /// Close the tubes' ends
-    #[arg(long)]
-    pub(crate) caps: bool,
-    /// Show yarns as their fibres, in files and in pictures [default: only captured cloth, in
-    /// pictures from near]
-    #[arg(long, value_enum, value_name = "on|off")]
-    pub(crate) fibres: Option<SwitchArg>,
-    /// Radius of a fibre, mm; the thicker they are, the fewer a yarn has
-    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = FIBRE_RADIUS)]
-    pub(crate) fibre_radius: f64,
-    /// Write the yarns' centre lines, as l records, to .obj in place of tubes
-    #[arg(long)]
-    pub(crate) curves: bool,
-    /// The curves of .usda and .usdc
-    #[arg(long, value_enum, default_value = "bezier")]
-    pub(crate) usd_curves: UsdCurvesArg,
-    /// Whose keywords an .inp has
-    #[arg(long, value_enum, default_value = "calculix")]
-    pub(crate) inp: InpArg,
-    /// Unit of .ply and .obj, which can't say theirs; Blender takes metres
-    #[arg(long, value_enum, default_value = "mm")]
-    pub(crate) file_unit: FileUnitArg,
-    /// Upright axis of .ply and .obj; Blender takes z for .ply and y for .obj
-    #[arg(long, value_enum, default_value = "y")]
-    pub(crate) up: UpArg,
-    /// Numbers of a .glb: 16 bits on a grid (KHR_mesh_quantization), or floats for readers without it
-    #[arg(long, value_enum, default_value = "u16")]
-    pub(crate) glb_precision: PrecisionArg,
-    /// Compress a .glb (EXT_meshopt_compression), for viewers on the web; Blender doesn't read it
-    #[arg(long)]
-    pub(crate) glb_meshopt: bool,
-    /// What has a node of its own in a .glb
-    #[arg(long, value_enum, default_value = "bar")]
-    pub(crate) nodes: NodesArg,
-    /// Floats of an .npz
-    #[arg(long, value_enum, default_value = "f64")]
-    pub(crate) npz_precision: FloatArg,
-    /// Compress an .npz
-    #[arg(long)]
-    pub(crate) npz_compress: bool,
-    /// Size of the picture
-    #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
-    pub(crate) size: (u32, u32),
-    /// Side to look from; a swatch's front is its technical face
-    #[arg(long, value_enum, default_value = "front")]
-    pub(crate) view: ViewArg,
-    /// Place the camera here instead of at a view, mm (with --look-at; `inspect` prints where a
-    /// garment lies)
-    #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "look_at", allow_hyphen_values = true)]
-    pub(crate) eye: Option<DVec3>,
-    /// Point the camera at this place, mm (with --eye)
-    #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "eye", allow_hyphen_values = true)]
-    pub(crate) look_at: Option<DVec3>,
-    /// Vertical field of view
-    #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = field_of_view)]
-    pub(crate) fov: f64,
-    /// Magnify the middle of the picture
-    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
-    pub(crate) zoom: f64,
-    /// Colour behind the yarns: #rrggbb, white, black, grey or transparent [default: white, and a
-    /// studio for garments]
-    #[arg(long, value_name = "COLOR")]
-    pub(crate) background: Option<Background>,
-    /// Direction to the sun, degrees: to the right of the camera, and up [default: -38,35.5]
-    #[arg(long, value_name = "AZ,EL", value_parser = sun, allow_hyphen_values = true)]
-    pub(crate) sun: Option<DVec3>,
-    #[command(flatten)]
-    pub(crate) drawing: Drawing,
-    #[command(flatten)]
-    pub(crate) running: Running,
-}
-
-/// Where the cloth of a picture stands.
-#[derive(Args, Clone, Copy, Debug)]
-pub(crate) struct Stage {
-    /// Stand the cloth in a studio, on a floor that turns up into a wall [default: on for garments
-    /// without --background]
-    #[arg(long, value_enum, value_name = "on|off", num_args = 0..=1, default_missing_value = "on")]
-    pub(crate) studio: Option<SwitchArg>,
-}
-
 /// How a command runs.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct Running {
@@ -621,36 +389,6 @@ pub(crate) struct Running {
     /// Print only errors and the requested numbers
     #[arg(long)]
     pub(crate) quiet: bool,
-}
-
-/// How pictures are drawn.
-#[derive(Args, Debug)]
-pub(crate) struct Drawing {
-    /// The renderer: auto uses the graphics processor, or the CPU if there is none
-    #[arg(long, value_enum, default_value = "auto")]
-    pub(crate) renderer: RendererArg,
-    /// Samples for each pixel
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    pub(crate) spp: u32,
-    /// Samples for smooth edges in each pixel on the graphics processor: 1 or 4
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = samples)]
-    pub(crate) samples: u32,
-    /// Level of detail: draw yarns of few pixels more coarsely
-    #[arg(long, value_enum, default_value = "on")]
-    pub(crate) lod: SwitchArg,
-    /// Draw yarns as tubes, or in pictures as flat ribbons
-    #[arg(long, value_enum, default_value = "tube")]
-    pub(crate) shape: ShapeArg,
-    /// Draw all stitches alike, of even yarn, as they are measured and as files have them [default:
-    /// pictures show some unevenness]
-    #[arg(long)]
-    pub(crate) regular: bool,
-    /// Maps of a yarn: a folder with base_color.png and others, or one image; x runs along the yarn
-    #[arg(long, value_name = "DIR|IMAGE")]
-    pub(crate) texture: Option<PathBuf>,
-    /// Write N pictures from all around: NAME-001.png and so on
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999))]
-    pub(crate) turntable: Option<u32>,
 }
 
 #[cfg(test)]

@@ -9,8 +9,6 @@ use warpknit::render::{Camera, Painter, RenderOptions, RendererChoice, View};
 use super::super::args::Bench;
 use super::measure::{Moment, Sample};
 
-/// Pixels each way: small, so that three pictures of every row take minutes and not an hour.
-pub(super) const SIZE: (u32, u32) = (640, 480);
 /// The most runs of each picture. It takes a thousand times as long as a row of coordinates, and
 /// its times spread less.
 const MOST_RUNS: u32 = 3;
@@ -25,9 +23,10 @@ pub(super) struct PictureTimer {
 
 impl PictureTimer {
     pub(super) fn new(arguments: &Bench) -> Self {
+        let (width, height) = arguments.size;
         let options = RenderOptions {
-            width: SIZE.0,
-            height: SIZE.1,
+            width,
+            height,
             renderer: arguments.renderer.into(),
             ..RenderOptions::default()
         };
@@ -51,7 +50,8 @@ impl PictureTimer {
                 "drawn on the graphics adapter, found anew each time, or on the processor where there is none"
             }
         };
-        format!("{by}; runs of each: {}", self.runs)
+        let RenderOptions { width, height, spp, .. } = self.options;
+        format!("{width} x {height} pixels, {spp} samples each, {by}; runs of each: {}", self.runs)
     }
 
     /// Whether the processor draws, so that its time is that of the work.

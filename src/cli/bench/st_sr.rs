@@ -12,7 +12,7 @@ use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::measure::{FLAT_YARN, measured_parts, time_stages};
-use super::picture::{PictureTimer, SIZE};
+use super::picture::PictureTimer;
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
@@ -44,12 +44,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
     );
     table.notes.insert(
         0,
-        format!(
-            "Flat {DEFAULT_FABRIC} of so many wales and courses, {} x {} pixels, {}.",
-            SIZE.0,
-            SIZE.1,
-            timer.note()
-        ),
+        format!("Flat {DEFAULT_FABRIC} of so many wales and courses, {}.", timer.note()),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
     let series = SECTIONS.map(|(st, sr)| Series::ours(&format!("St {st}, Sr {sr}")));

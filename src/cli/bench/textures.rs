@@ -13,7 +13,7 @@ use warpknit::render::scene::{Scene, Shape};
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::measure::Times;
-use super::picture::{PictureTimer, SIZE};
+use super::picture::PictureTimer;
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
@@ -40,12 +40,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
     let (st, sr) = SECTION;
     table.notes.insert(
         0,
-        format!(
-            "Flat {DEFAULT_FABRIC} of {SIDE} x {SIDE}, St {st}, Sr {sr}, {} x {} pixels, {}.",
-            SIZE.0,
-            SIZE.1,
-            timer.note()
-        ),
+        format!("Flat {DEFAULT_FABRIC} of {SIDE} x {SIDE}, St {st}, Sr {sr}, {}.", timer.note()),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
     let mut plot = Plot::new(

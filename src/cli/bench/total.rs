@@ -13,7 +13,7 @@ use warpknit::render::cloth;
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::garments::{Garments, Shipped, fitted};
 use super::measure::{Moment, Times, measured_parts};
-use super::picture::{PictureTimer, SIZE};
+use super::picture::PictureTimer;
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
@@ -35,15 +35,7 @@ pub(super) fn total(
              nor picture; C# and WebGL on an i7-9750H."],
         [("stitches", "stitches"), ("cloth_ms", "cloth, ms"), ("picture_ms", "picture, ms")],
     );
-    table.notes.insert(
-        0,
-        format!(
-            "From fabric to picture of {} x {} pixels, 4 samples each, {}.",
-            SIZE.0,
-            SIZE.1,
-            timer.note()
-        ),
-    );
+    table.notes.insert(0, format!("From fabric to picture of {}.", timer.note()));
     table.add_columns(TIMES.into_iter().chain(BESIDE));
     let mut plot = Plot::new(
         "Table 3: total with rendering",

@@ -3,7 +3,8 @@
 //! In: surfaces in the draped axes, mm. Out: a [`Set`], which renderers place behind and under the
 //! yarns. A body hides yarns and casts shadows on them. The cloth's own surface dims the light that
 //! falls on the body and on the floor: its yarns need not be there for that. The studio's floor turns
-//! up into a wall without an edge (`cove`), and stands square to the camera.
+//! up into a wall without an edge (`cove`), and stands square to the camera. Without a studio, an
+//! environment is seen behind everything.
 //!
 //! Not promised: that bodies reflect light onto the cloth.
 
@@ -11,8 +12,11 @@ mod cove;
 mod mesh;
 mod sky;
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
+use crate::environment::Environment;
 use crate::scene::Bounds;
 pub(crate) use cove::Cove;
 pub use mesh::Mesh;
@@ -29,6 +33,8 @@ pub struct Set {
     pub(crate) sky: Vec<f32>,
     /// The cloth as a surface, and the share of it that its yarns hide, seen face on.
     cloth: Option<(Mesh, f32)>,
+    /// What is seen where there is nothing else.
+    pub(crate) environment: Option<Arc<Environment>>,
 }
 
 /// Steepness below which a ray counts as no flatter along a cloth. There is a limit to how much cloth
@@ -46,15 +52,21 @@ impl Set {
     /// its yarns hide. Four million rays or fewer find how much of the sky the body sees.
     #[must_use]
     pub fn new(studio: Option<Bounds>, body: Option<Mesh>, cloth: Option<(Mesh, f32)>) -> Self {
-        let mut set = Self { studio, body, sky: Vec::new(), cloth };
+        let mut set = Self { studio, body, sky: Vec::new(), cloth, environment: None };
         set.sky = set.body.as_ref().map_or_else(Vec::new, |body| set.sky_at_vertices(body));
         set
+    }
+
+    /// The same with this behind everything. Its light is that of the picture's options.
+    #[must_use]
+    pub fn with_environment(self, environment: Arc<Environment>) -> Self {
+        Self { environment: Some(environment), ..self }
     }
 
     /// Whether there is nothing in it.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.studio.is_none() && self.body.is_none()
+        self.studio.is_none() && self.body.is_none() && self.environment.is_none()
     }
 
     /// Fraction of the light that reaches a point of the set from a direction.

@@ -46,7 +46,7 @@ const FLOOR_RAYS: u32 = 32;
 /// What a pixel sees behind the yarns.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Behind {
-    /// The studio's light, with coverage in w.
+    /// The light of the studio or of the environment, with coverage in w.
     pub(crate) light: Vec4,
     /// Light of the body in each quarter of the pixel, with 1 in w where there is a body.
     pub(super) body: [Vec4; QUARTERS],
@@ -105,8 +105,7 @@ impl<'a> Backdrop<'a> {
     /// What a pixel sees.
     pub(crate) fn pixel(&self, pixel: [u32; 2]) -> Behind {
         let sampler = Sampler::new(pixel[0], pixel[1], self.options.seed);
-        let studio = self.studio_light(self.direction(pixel, Vec2::splat(0.5)), &sampler);
-        let mut behind = Behind { light: studio, ..Behind::NOTHING };
+        let mut behind = Behind { light: self.far_light(pixel, &sampler), ..Behind::NOTHING };
         let Some(body) = &self.set.body else { return behind };
         let suns = sampler.pairs(SampleDimension::Sun, SUN_RAYS * PLACES * PLACES);
         for (quarter, at) in (0..).zip(0..QUARTERS) {
@@ -131,9 +130,25 @@ impl<'a> Backdrop<'a> {
         self.camera.direction(across, up, self.options.aspect()).as_vec3()
     }
 
-    /// The studio's light in a direction. Nothing where there is none, and below its floor.
-    fn studio_light(&self, toward: Vec3, sampler: &Sampler) -> Vec4 {
-        let Some((cove, floor)) = &self.studio else { return Vec4::ZERO };
+    /// The light of the studio, or else of the environment. Nothing where there is neither.
+    fn far_light(&self, pixel: [u32; 2], sampler: &Sampler) -> Vec4 {
+        if let Some((cove, floor)) = &self.studio {
+            let toward = self.direction(pixel, Vec2::splat(0.5));
+            return self.studio_light((cove, floor), toward, sampler);
+        }
+        let Some(environment) = &self.set.environment else { return Vec4::ZERO };
+        let quarters = (0..PLACES * PLACES)
+            .map(|quarter| environment.radiance(self.direction(pixel, middle_of(quarter))));
+        (quarters.sum::<Vec3>() / (PLACES * PLACES) as f32).extend(1.0)
+    }
+
+    /// The studio's light in a direction. Nothing below its floor.
+    fn studio_light(
+        &self,
+        (cove, floor): (&Cove, &FloorLight),
+        toward: Vec3,
+        sampler: &Sampler,
+    ) -> Vec4 {
         if self.eye().y <= cove.foot.y {
             return Vec4::ZERO;
         }
