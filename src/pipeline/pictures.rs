@@ -65,10 +65,8 @@ impl Pictures {
         // Where yarns are so thin, the graphics processor's pictures are full of noise. All frames of a
         // sequence lie within the extent, so one renderer draws them all.
         let around = Bounds::around(extent);
-        if options.renderer == RendererChoice::Auto && has_masks(scene, around, &cameras, &options)
-        {
-            options.renderer = RendererChoice::Cpu;
-        }
+        options.renderer =
+            processor_if(options.renderer, || has_masks(scene, around, &cameras, &options));
         let count = cameras.len();
         let mut far = None;
         for (frame, camera) in cameras.iter().enumerate() {
@@ -161,13 +159,12 @@ pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
     // The tiles of several machines must fit together, whichever machine has an adapter. The CPU
     // renderer gives the same pixels everywhere. At true gauge yarns are thinner than pixels, and
     // the graphics processor would leave some out. It draws no bodies.
-    let needs_cpu = job.tile().is_some()
-        || job.gauge == Gauge::True
-        || job.settings.picture.has_body()
-        || address_space_gb().is_some_and(|limit| limit < DRIVER_LIMIT_GB);
-    if needs_cpu && options.renderer == RendererChoice::Auto {
-        options.renderer = RendererChoice::Cpu;
-    }
+    options.renderer = processor_if(options.renderer, || {
+        job.tile().is_some()
+            || job.gauge == Gauge::True
+            || job.settings.picture.has_body()
+            || address_space_gb().is_some_and(|limit| limit < DRIVER_LIMIT_GB)
+    });
     options
 }
 
@@ -175,11 +172,13 @@ pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
 /// picture that needs a loupe has thin yarns, which the processor draws, and so its inset too.
 pub(super) fn inset_options(job: &Job<'_>, loupe: &Loupe) -> RenderOptions {
     let [width, height] = loupe.size();
-    let mut options = RenderOptions { width, height, rows: None, ..options_of(job) };
-    if options.renderer == RendererChoice::Auto {
-        options.renderer = RendererChoice::Cpu;
-    }
-    options
+    let options = RenderOptions { width, height, rows: None, ..options_of(job) };
+    RenderOptions { renderer: processor_if(options.renderer, || true), ..options }
+}
+
+/// The processor, where nobody chose a renderer and the picture needs it.
+fn processor_if(chosen: RendererChoice, needs_it: impl FnOnce() -> bool) -> RendererChoice {
+    if chosen == RendererChoice::Auto && needs_it() { RendererChoice::Cpu } else { chosen }
 }
 
 /// The renderer's options from a run's settings. Settings that nobody chose have the renderer's

@@ -103,7 +103,8 @@ fn both_renderers_draw_the_same_uneven_cloth() {
     let camera = Camera::view(View::Front, &regular.positions, Camera::DEFAULT_FOV, 1.6, 1.0);
     // What they differ by anyway is another test's. Uneven cloth adds to it, since the graphics card
     // takes a yarn's thickness at eight places of a chunk of some stitches: 0.008 here.
-    let [even, odd] = [&regular, &uneven].map(|scene| gpu::difference(scene, &camera));
+    let [even, odd] =
+        [&regular, &uneven].map(|scene| gpu::difference(scene, &camera, gpu::DEFAULT));
     assert!(odd < even + 0.025, "{odd} and {even}");
     assert!(uneven.positions != regular.positions);
 }

@@ -122,39 +122,45 @@ impl Cells {
         parts.sum::<glam::DVec3>().as_vec3()
     }
 
-    fn sun(&self) -> Sun {
-        let mut toward = self.coarse().brightest();
-        for _ in 0..ROUNDS {
-            let base = luminance(self.ring(toward));
-            let pull = self.sum(|cell| {
-                let is_in = cell.toward.dot(toward) > CONE.cos();
-                let more = if is_in { luminance(cell.radiance) - base } else { 0.0 };
-                cell.toward * more.max(0.0)
-            });
-            toward = pull.try_normalize().unwrap_or(toward);
-        }
-        let base = self.ring(toward);
-        // Brightness above the ring's, its channels apart, its sum of squared angles, and its sum.
-        let in_cone = |cell: &Cell| cell.toward.dot(toward) > CONE.cos();
-        let irradiance =
-            self.sum(|cell| if in_cone(cell) { cell.radiance - base } else { Vec3::ZERO });
-        let spread = self.sum(|cell| {
-            let more = luminance(cell.radiance - base);
-            let angle = cell.toward.angle_between(toward);
-            if in_cone(cell) { Vec3::new(more * angle * angle, more, 0.0) } else { Vec3::ZERO }
-        });
-        // A disc's mean squared angle is half the square of its radius.
-        let square = if spread.y > 0.0 { 2.0 * spread.x / spread.y } else { CONE * CONE };
-        let half_angle = square.clamp(SMALLEST * SMALLEST, CONE * CONE).sqrt();
-        Sun { toward, irradiance: irradiance.max(Vec3::ZERO), half_angle }
+    /// Sum over the cells in the cone around a direction, weighted by their size.
+    fn in_cone(&self, toward: Vec3, of: impl Fn(&Cell) -> Vec3) -> Vec3 {
+        let edge = CONE.cos();
+        self.sum(|cell| if cell.toward.dot(toward) > edge { of(cell) } else { Vec3::ZERO })
+    }
+
+    /// Light of the cone above that of a sky of this radiance.
+    fn excess(&self, toward: Vec3, base: Vec3) -> Vec3 {
+        self.in_cone(toward, |cell| cell.radiance - base)
     }
 
     /// Mean radiance of the ring around the cone.
     fn ring(&self, toward: Vec3) -> Vec3 {
-        let is_in = |cell: &Cell| (RING.cos()..CONE.cos()).contains(&cell.toward.dot(toward));
+        let edges = RING.cos()..CONE.cos();
+        let is_in = |cell: &Cell| edges.contains(&cell.toward.dot(toward));
         let light = self.sum(|cell| if is_in(cell) { cell.radiance } else { Vec3::ZERO });
         let size = self.sum(|cell| if is_in(cell) { Vec3::ONE } else { Vec3::ZERO }).x;
         light / size.max(f32::MIN_POSITIVE)
+    }
+
+    fn sun(&self) -> Sun {
+        let mut toward = self.coarse().brightest();
+        for _ in 0..ROUNDS {
+            let base = self.ring(toward);
+            let pull =
+                self.in_cone(toward, |cell| cell.toward * luminance(cell.radiance - base).max(0.0));
+            toward = pull.try_normalize().unwrap_or(toward);
+        }
+        let base = self.ring(toward);
+        // The sum of squared angles, weighted by brightness, and that of the weights.
+        let spread = self.in_cone(toward, |cell| {
+            let (more, angle) =
+                (luminance(cell.radiance - base), cell.toward.angle_between(toward));
+            Vec3::new(more * angle * angle, more, 0.0)
+        });
+        // A disc's mean squared angle is half the square of its radius.
+        let square = if spread.y > 0.0 { 2.0 * spread.x / spread.y } else { CONE * CONE };
+        let half_angle = square.clamp(SMALLEST * SMALLEST, CONE * CONE).sqrt();
+        Sun { toward, irradiance: self.excess(toward, base).max(Vec3::ZERO), half_angle }
     }
 
     /// The same light in fewer cells.
@@ -174,11 +180,7 @@ impl Cells {
     /// The direction of the cone that has most light above that of its ring.
     fn brightest(&self) -> Vec3 {
         let cones = self.cells.par_iter().map(|middle| {
-            let base = self.ring(middle.toward);
-            let more = self.sum(|cell| {
-                let is_in = cell.toward.dot(middle.toward) > CONE.cos();
-                if is_in { cell.radiance - base } else { Vec3::ZERO }
-            });
+            let more = self.excess(middle.toward, self.ring(middle.toward));
             (luminance(more), middle.toward)
         });
         // The first of equal ones, whatever the number of threads.
