@@ -6,7 +6,7 @@
 //! byte; that run knits again.
 
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec3};
@@ -20,6 +20,7 @@ use warpknit::export::glb::GlbOptions;
 use warpknit::export::npz::NpzOptions;
 use warpknit::export::{Axes, Format, default_section, png};
 use warpknit::pipeline::{self, Clock, RunError, Settings, Source, Textures};
+use warpknit::render::environment::Environment;
 use warpknit::render::scene::{Scene, Shape};
 use warpknit::render::set::Set;
 use warpknit::render::{self, Background, Camera, RenderOptions};
@@ -279,6 +280,16 @@ fn picture_size((width, height): (i64, i64)) -> PyResult<(u32, u32)> {
     Ok((whole("the width in size", width, &pixels)?, whole("the height in size", height, &pixels)?))
 }
 
+/// The environment of a file, turned by so many degrees.
+fn read_environment(py: Python<'_>, path: &Path, turn: f64) -> PyResult<Environment> {
+    if !turn.is_finite() {
+        let text = format!("environment_turn is {turn}, but must be an angle in degrees");
+        return Err(PyValueError::new_err(text));
+    }
+    let read = py.detach(|| pipeline::read_environment(path, turn.to_radians()));
+    read.map_err(|error| PyValueError::new_err(error::line(&error)))
+}
+
 #[pymethods]
 impl Yarns {
     /// (n, 3) float64: data points on the body, mm, in the axes of the garment's file.
@@ -452,19 +463,14 @@ impl Yarns {
         if !(zoom.is_finite() && zoom > 0.0) {
             return Err(PyValueError::new_err(format!("zoom is {zoom}, but must be above 0")));
         }
-        if !environment_turn.is_finite() {
-            let text = format!("environment_turn is {environment_turn}, but must be an angle");
-            return Err(PyValueError::new_err(text));
-        }
         let (width, height) = size;
         let mut options = RenderOptions { width, height, spp, ..RenderOptions::default() };
         if let Some(path) = environment {
-            let read = py.detach(|| pipeline::read_environment(&path, environment_turn.to_radians()));
-            let read = read.map_err(|error| PyValueError::new_err(error::line(&error)))?;
-            options.light = read.light();
+            let around = Arc::new(read_environment(py, &path, environment_turn)?);
+            options.light = around.light();
             // A background is seen in its place.
-            let seen = background.is_none().then(|| Set::default().with_environment(Arc::new(read)));
-            options.set = seen.map(Arc::new);
+            options.set =
+                background.is_none().then(|| Set::default().with_environment(around)).map(Arc::new);
         }
         options.background = background.unwrap_or_default();
         let picture = self.picture(py, names::view(view)?, names::shape(shape)?, zoom, &options)?;

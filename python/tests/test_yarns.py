@@ -131,7 +131,7 @@ def test_pictures_are_arrays_and_png(yarns: warpknit.Yarns) -> None:
         ({"spp": 0}, "spp is 0"),
         ({"zoom": 0.0}, "zoom is 0"),
         ({"zoom": float("nan")}, "zoom is NaN"),
-        ({"environment_turn": float("inf")}, "environment_turn is inf"),
+        ({"environment": "sky.hdr", "environment_turn": float("inf")}, "environment_turn is inf"),
     ],
 )
 def test_pictures_of_nonsense_are_refused(yarns: warpknit.Yarns, arguments: dict[str, object], words: str) -> None:
