@@ -143,7 +143,7 @@ def test_an_environment_lights_yarns_and_is_seen(yarns: warpknit.Yarns, tmp_path
     # Radiance's old form: a byte for each of red, green, blue and their exponent.
     sky, ground = bytes([40, 60, 255, 128]), bytes([20, 40, 10, 128])
     path = tmp_path / "sky.hdr"
-    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + sky * 4 + ground * 4)
+    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16 +X 32\n" + sky * 256 + ground * 256)
     seen = yarns.render(size=(80, 60), environment=path)
     assert seen[0, 0, 2] > 2 * seen[0, 0, 0]
     lit = yarns.render(size=(80, 60), background="white", environment=str(path), environment_turn=90.0)

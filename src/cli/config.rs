@@ -23,10 +23,12 @@ pub(super) const IGNORE: &str = "no-config";
 
 /// Flags whose presence on the command line cancels other flags of the file. With `--fabric`, a
 /// `lapping` of the file would replace the bars of the fabric that the user just named.
-const OVERRULES: [(&str, &[&str]); 3] = [
+const OVERRULES: [(&str, &[&str]); 5] = [
     ("fabric", &["lapping", "threading", "count", "run-in"]),
     ("lapping", &["threading", "run-in"]),
     ("view", &["eye", "look-at"]),
+    ("environment", &["sun"]),
+    ("sun", &["environment", "environment-turn"]),
 ];
 /// `inspect` shows a fabric, and `fabrics` one of one's own, only if one of these flags is given. A
 /// default in the file would make them show one always, so the file sets them for these commands

@@ -1,8 +1,8 @@
 //! An environment from a file, `.hdr` (Radiance) or `.exr` (OpenEXR).
 //!
 //! In: a path. Out: an [`Environment`]. The content tells the format, and not the file's name. The
-//! decoders are those of the crate `image`. Files compressed with DWA, deep ones and those of colours
-//! other than red, green and blue are refused.
+//! decoders are those of the crate `image`. Deep files, and files without channels R, G and B, are
+//! refused.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -17,6 +17,9 @@ use crate::render::environment::{Environment, EnvironmentError};
 
 /// Pixels at most, those of 8192 x 4096. They take 0.8 GB while they are read.
 const MOST_PIXELS: u64 = 8192 * 4096;
+/// How many times its length a file unpacks to at most. Deflate, which .exr files have, packs a
+/// thousand bytes into one, and the runs of .hdr files fewer.
+const MOST_PACKED: u64 = 1100;
 
 /// An error in the file of an environment. Each message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -35,13 +38,24 @@ pub enum EnvironmentFileError {
         /// The file.
         path: PathBuf,
     },
-    /// The file is broken, or of a kind that isn't read.
-    #[error("{}: it can't be read: save it again as .hdr, or as .exr with ZIP compression", path.display())]
+    /// The file is broken, or of a kind that isn't read. The reason is a text: as a source, the
+    /// decoder's error would be printed with its own sources twice.
+    #[error("{}: it is broken, or of a kind that isn't read ({reason}): save it again as .hdr or .exr", path.display())]
     Decode {
         /// The file.
         path: PathBuf,
-        /// The reason.
-        source: ImageError,
+        /// The decoder's words.
+        reason: String,
+    },
+    /// The file is shorter than its pixels can be.
+    #[error("{}: it is too short for {width} x {height} pixels: fetch or save it again", path.display())]
+    CutShort {
+        /// The file.
+        path: PathBuf,
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
     },
     /// Too many pixels.
     #[error("{}: {width} x {height} pixels are over the limit of 8192 x 4096: scale it down", path.display())]
@@ -74,10 +88,14 @@ pub fn read_environment(path: &Path, turn: f64) -> Result<Environment, Environme
     let mut head = Vec::new();
     file.by_ref().take(4).read_to_end(&mut head).map_err(open)?;
     file.rewind().map_err(open)?;
-    let decode = |source| EnvironmentFileError::Decode { path: place(), source };
+    let length = file.get_ref().metadata().map_err(open)?.len();
+    let decode = |error: ImageError| broken(path, &error);
     let picture = match head[..] {
-        [b'#', b'?', ..] => decoded(HdrDecoder::new_nonstrict(file).map_err(decode)?, path),
-        [0x76, 0x2f, 0x31, 0x01] => decoded(OpenExrDecoder::new(file).map_err(decode)?, path),
+        [b'#', b'?', ..] => decoded(HdrDecoder::new_nonstrict(file).map_err(decode)?, path, length),
+        [0x76, 0x2f, 0x31, 0x01] => {
+            let without_alpha = OpenExrDecoder::with_alpha_preference(file, Some(false));
+            decoded(without_alpha.map_err(decode)?, path, length)
+        }
         _ => return Err(EnvironmentFileError::Format { path: place() }),
     }?;
     let [width, height] = [picture.width(), picture.height()].map(|side| side as usize);
@@ -87,14 +105,26 @@ pub fn read_environment(path: &Path, turn: f64) -> Result<Environment, Environme
     environment.map_err(|source| EnvironmentFileError::Environment { path: place(), source })
 }
 
-/// The picture of a decoder, unless it is too large.
-fn decoded(decoder: impl ImageDecoder, path: &Path) -> Result<DynamicImage, EnvironmentFileError> {
+/// The picture of a decoder, unless it is too large, or larger than a file of this length can hold.
+fn decoded(
+    decoder: impl ImageDecoder,
+    path: &Path,
+    length: u64,
+) -> Result<DynamicImage, EnvironmentFileError> {
     let (width, height) = decoder.dimensions();
+    let path = || path.to_owned();
     if u64::from(width) * u64::from(height) > MOST_PIXELS {
-        return Err(EnvironmentFileError::Size { path: path.to_owned(), width, height });
+        return Err(EnvironmentFileError::Size { path: path(), width, height });
     }
-    DynamicImage::from_decoder(decoder)
-        .map_err(|source| EnvironmentFileError::Decode { path: path.to_owned(), source })
+    if decoder.total_bytes() > length.saturating_mul(MOST_PACKED) {
+        return Err(EnvironmentFileError::CutShort { path: path(), width, height });
+    }
+    DynamicImage::from_decoder(decoder).map_err(|error| broken(&path(), &error))
+}
+
+/// The error of a decoder.
+fn broken(path: &Path, error: &ImageError) -> EnvironmentFileError {
+    EnvironmentFileError::Decode { path: path.to_owned(), reason: error.to_string() }
 }
 
 #[cfg(test)]

@@ -158,11 +158,13 @@ pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
     options.rows = job.tile().map(|tile| tile.share(options.height));
     // The tiles of several machines must fit together, whichever machine has an adapter. The CPU
     // renderer gives the same pixels everywhere. At true gauge yarns are thinner than pixels, and
-    // the graphics processor would leave some out. It draws no bodies.
+    // the graphics processor would leave some out. It draws no bodies, and its shadows are those of
+    // the studio's sun, whatever the size of an environment's.
     options.renderer = processor_if(options.renderer, || {
         job.tile().is_some()
             || job.gauge == Gauge::True
             || job.settings.picture.has_body()
+            || job.settings.picture.environment.is_some()
             || address_space_gb().is_some_and(|limit| limit < DRIVER_LIMIT_GB)
     });
     options

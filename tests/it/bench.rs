@@ -160,6 +160,8 @@ fn pictures_are_timed_over_stitches_tubes_and_textures() {
         ],
     );
     let tables = &json(&folder.path().join("b.json"))["tables"];
+    let notes = tables["total"]["notes"].to_string();
+    assert!(notes.contains("160 x 120 pixels"), "{notes}");
     let of = |table: &str, key: &str| -> Vec<f64> {
         tables[table]["rows"]
             .as_array()

@@ -34,14 +34,11 @@ fn swatch(flags: &[&str]) -> RgbaImage {
     image::open(folder.path().join("s.png")).unwrap().into_rgba8()
 }
 
-/// Mean of all channels over the middle of a picture, left and right halves apart.
-fn halves(picture: &RgbaImage) -> [f64; 2] {
-    [(40, 60), (60, 80)].map(|(from, to)| {
-        let pixels = (from..to).flat_map(|x| (30..60).map(move |y| picture.get_pixel(x, y).0));
-        let sum: u32 =
-            pixels.map(|pixel| pixel[..3].iter().map(|code| u32::from(*code)).sum::<u32>()).sum();
-        f64::from(sum) / (3.0 * 20.0 * 30.0)
-    })
+/// Mean of all channels over the middle of a picture.
+fn brightness(picture: &RgbaImage) -> f64 {
+    let pixels = (40..80).flat_map(|x| (30..60).map(move |y| picture.get_pixel(x, y).0));
+    let sum: u32 = pixels.flat_map(|[r, g, b, _]| [r, g, b]).map(u32::from).sum();
+    f64::from(sum) / (3.0 * 40.0 * 30.0)
 }
 
 #[test]
@@ -56,22 +53,55 @@ fn it_is_seen_behind_the_cloth_unless_a_background_is_wanted() {
     assert_eq!(corners(&["--background", "#102030"]), [[16, 32, 48, 255]; 2]);
     assert_eq!(corners(&["--background", "transparent"]), [[0; 4]; 2]);
     let [in_studio, _] = corners(&["--studio"]);
-    assert!(in_studio.iter().all(|code| *code > 60), "{in_studio:?}");
+    assert!(in_studio[0].abs_diff(in_studio[2]) < 20, "{in_studio:?}");
+    assert_ne!(in_studio, swatch(&["--studio"]).get_pixel(0, 0).0, "it lights the studio");
 }
 
 #[test]
-fn its_brightest_window_is_the_sun() {
-    // A loop's legs are lit from one side or from the other, so pictures differ, and by the same much.
+fn cloth_is_darker_when_its_window_is_behind_it() {
     let lit = |file: &str, turn: &str| {
         swatch(&["--environment", file, "--environment-turn", turn, "--background", "white"])
     };
     let [left, right] = ["left.hdr", "right.hdr"].map(|file| lit(file, "0"));
+    // A loop's legs are lit from one side or from the other, by as much light.
     assert_ne!(left, right);
-    let [from_left, from_right] = [halves(&left), halves(&right)].map(|[l, r]| l + r);
-    assert!((from_left / from_right - 1.0).abs() < 0.1, "{from_left} {from_right}");
-    // Turned away, the window is behind the cloth, whose face is darker.
-    let [l, r] = halves(&lit("left.hdr", "-90"));
-    assert!(l + r < 0.8 * from_left, "{l} {r} {from_left}");
+    let ratio = brightness(&left) / brightness(&right);
+    assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+    let behind = brightness(&lit("left.hdr", "-90"));
+    assert!(behind < 0.8 * brightness(&left), "{behind}");
+}
+
+#[test]
+fn a_band_of_it_and_any_number_of_threads_give_the_same_pixels() {
+    let whole = swatch(&["--environment", "left.exr", "--threads", "1"]);
+    assert!(whole == swatch(&["--environment", "left.exr", "--threads", "2"]));
+    let folder = tempfile::tempdir().unwrap();
+    room(&folder.path().join("left.exr"), true);
+    let run = ["swatch", "--fabric", "jersey", "--wales", "6", "--courses", "8", "--zoom", "0.5"];
+    let picture = ["--size", "120x90", "--renderer", "cpu", "--quiet", "-o", "s.png"];
+    let part = ["--environment", "left.exr", "--tile", "2/3"];
+    warpknit(folder.path()).args(run).args(picture).args(part).assert().success();
+    let band = std::fs::read_dir(folder.path()).unwrap().find_map(|entry| {
+        let path = entry.unwrap().path();
+        path.extension().is_some_and(|ending| ending == "png").then_some(path)
+    });
+    let band = image::open(band.unwrap()).unwrap().into_rgba8();
+    assert!(band.as_raw()[..] == whole.as_raw()[120 * 30 * 4..120 * 60 * 4]);
+}
+
+#[test]
+fn the_command_line_s_sun_goes_before_the_file_s_environment() {
+    let folder = tempfile::tempdir().unwrap();
+    let drawn = |flags: &[&str]| {
+        let run = ["swatch", "--wales", "4", "--courses", "4", "--size", "40x30", "--quiet"];
+        warpknit(folder.path()).args(run).args(["-o", "s.png"]).args(flags).assert().success();
+        std::fs::read(folder.path().join("s.png")).unwrap()
+    };
+    let sunny = drawn(&["--sun", "60,20"]);
+    room(&folder.path().join("left.hdr"), true);
+    std::fs::write(folder.path().join("warpknit.toml"), "environment = \"left.hdr\"\n").unwrap();
+    assert!(drawn(&[]) != sunny);
+    assert!(drawn(&["--sun", "60,20"]) == sunny);
 }
 
 #[test]
@@ -94,9 +124,10 @@ fn what_is_no_environment_is_one_line() {
         RgbaImage::new(8, 4).save(folder.join("picture.png")).unwrap();
         let flat =
             |width, height, light: f32| Rgb32FImage::from_pixel(width, height, Rgb([light; 3]));
-        DynamicImage::from(flat(8, 8, 1.0)).save(folder.join("square.exr")).unwrap();
-        DynamicImage::from(flat(8, 4, 0.0)).save(folder.join("black.hdr")).unwrap();
+        DynamicImage::from(flat(64, 64, 1.0)).save(folder.join("square.exr")).unwrap();
+        DynamicImage::from(flat(64, 32, 0.0)).save(folder.join("black.hdr")).unwrap();
         std::fs::write(folder.join("huge.hdr"), "#?RADIANCE\n\n-Y 99999999 +X 99999999\n").unwrap();
+        std::fs::write(folder.join("hollow.hdr"), "#?RADIANCE\n\n-Y 4096 +X 8192\n").unwrap();
         std::fs::write(folder.join("empty.hdr"), "").unwrap();
     };
     for (file, says) in [
@@ -104,6 +135,7 @@ fn what_is_no_environment_is_one_line() {
         ("empty.hdr", "no .hdr and no .exr"),
         ("picture.png", "no .hdr and no .exr"),
         ("cut.hdr", "save it again"),
+        ("hollow.hdr", "too short for 8192 x 4096"),
         ("cut.exr", "save it again"),
         ("huge.hdr", "scale it down"),
         ("square.exr", "twice as wide as high"),
@@ -119,12 +151,13 @@ fn what_is_no_environment_is_one_line() {
 }
 
 #[test]
-fn it_has_its_own_sun() {
+fn flags_that_exclude_each_other_are_refused() {
     for flags in [
         ["--environment", "e.hdr", "--sun", "10,20"].as_slice(),
         &["--environment-turn", "10"],
         &["--environment", "e.hdr", "--environment-turn", "south"],
     ] {
-        fails(2, &[&["swatch"], flags].concat(), |_| ());
+        let said = fails(2, &[&["swatch"], flags].concat(), |_| ());
+        assert!(said.contains("--environment"), "{said}");
     }
 }

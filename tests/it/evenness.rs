@@ -6,7 +6,7 @@ use warpknit::drape::evenness::Evenness;
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
 use warpknit::render::scene::Scene;
-use warpknit::render::{Camera, View, cloth};
+use warpknit::render::{Camera, RenderOptions, View, cloth};
 
 use crate::cli::warpknit;
 use crate::gpu;
@@ -104,7 +104,7 @@ fn both_renderers_draw_the_same_uneven_cloth() {
     // What they differ by anyway is another test's. Uneven cloth adds to it, since the graphics card
     // takes a yarn's thickness at eight places of a chunk of some stitches: 0.008 here.
     let [even, odd] =
-        [&regular, &uneven].map(|scene| gpu::difference(scene, &camera, gpu::DEFAULT));
+        [&regular, &uneven].map(|scene| gpu::difference(scene, &camera, RenderOptions::default()));
     assert!(odd < even + 0.025, "{odd} and {even}");
     assert!(uneven.positions != regular.positions);
 }

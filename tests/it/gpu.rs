@@ -37,22 +37,14 @@ fn on(
     render(scene, camera, &RenderOptions { renderer, ..options.clone() }, &|_| ()).unwrap()
 }
 
-/// Sections of tubes as fine as they show from near, and those of pictures by default.
-const FINE: [u32; 2] = [80, 16];
-pub(crate) const DEFAULT: [u32; 2] = [40, 12];
+/// Tubes so fine that their section doesn't show from near.
+fn fine() -> RenderOptions {
+    RenderOptions { st: 80, sr: 16, ..RenderOptions::default() }
+}
 
-/// Mean FLIP between both renderers' pictures, 384 pixels square, of sixteen samples, with tubes of
-/// St by Sr.
-pub(crate) fn difference(scene: &Scene, camera: &Camera, [st, sr]: [u32; 2]) -> f64 {
-    let options = RenderOptions {
-        width: 384,
-        height: 384,
-        spp: 16,
-        st,
-        sr,
-        lod: false,
-        ..RenderOptions::default()
-    };
+/// Mean FLIP between both renderers' pictures, 384 pixels square, of sixteen samples.
+pub(crate) fn difference(scene: &Scene, camera: &Camera, options: RenderOptions) -> f64 {
+    let options = RenderOptions { width: 384, height: 384, spp: 16, lod: false, ..options };
     // The processor's noise is no difference between the two.
     let drawn = |renderer, spp| {
         DynamicImage::from(on(renderer, scene, camera, &RenderOptions { spp, ..options.clone() }))
@@ -126,7 +118,7 @@ fn front(scene: &Scene) -> Camera {
 fn both_renderers_draw_the_same_swatch() {
     if can_draw("both_renderers_draw_the_same_swatch") {
         let scene = cloth::swatch(&Fabric::named("tricot").unwrap(), 14, 16);
-        assert!(difference(&scene, &front(&scene), FINE) < 0.06);
+        assert!(difference(&scene, &front(&scene), fine()) < 0.06);
     }
 }
 
@@ -134,7 +126,7 @@ fn both_renderers_draw_the_same_swatch() {
 fn both_renderers_draw_the_same_textured_ribbons() {
     if can_draw("both_renderers_draw_the_same_textured_ribbons") {
         let scene = ribbons(9, 10);
-        assert!(difference(&scene, &front(&scene), FINE) < 0.06);
+        assert!(difference(&scene, &front(&scene), fine()) < 0.06);
     }
 }
 
@@ -142,7 +134,7 @@ fn both_renderers_draw_the_same_textured_ribbons() {
 fn both_renderers_draw_the_same_skirt() {
     if can_draw("both_renderers_draw_the_same_skirt") {
         let scene = skirt(0.72);
-        assert!(difference(&scene, &front(&scene), DEFAULT) < 0.06);
+        assert!(difference(&scene, &front(&scene), RenderOptions::default()) < 0.06);
     }
 }
 

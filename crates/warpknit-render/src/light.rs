@@ -7,8 +7,8 @@
 //! the world leaves the back of a garment in the dark. That of an environment is fixed.
 
 use crate::camera::Camera;
-use glam::Vec3;
-use std::f32::consts::{FRAC_1_PI, FRAC_1_SQRT_2};
+use glam::{Quat, Vec3};
+use std::f32::consts::{FRAC_1_PI, FRAC_1_SQRT_2, PI};
 
 /// Fraction of the light on the cloth that reaches the gaps between its yarns. It is an
 /// approximation of multiple reflection, which is not traced. At 0 gaps turn black; towards 1 the
@@ -92,6 +92,31 @@ impl Light {
         // The sky's mean radiance, and the sun's as if spread evenly by a white diffuse surface.
         let sky = (self.sky_above + self.sky_below) * 0.5;
         Rig { toward_sun, interior: (sky + self.sun * FRAC_1_PI) * INTERIOR, light: *self, zenith }
+    }
+}
+
+/// Lights of an environment.
+impl Light {
+    /// So many times as bright.
+    pub(super) fn scaled(self, scale: f32) -> Self {
+        let [sun, sky_above, sky_below] =
+            [self.sun, self.sky_above, self.sky_below].map(|color| color * scale);
+        Self { sun, sky_above, sky_below, ..self }
+    }
+
+    /// Turned, in the world's axes.
+    pub(super) fn turned(self, rotation: Quat) -> Self {
+        debug_assert_eq!(self.axes, LightAxes::World, "a light around a camera turns with it");
+        let [sun_direction, sky_direction] =
+            [self.sun_direction, self.sky_direction].map(|axis| (rotation * axis).normalize());
+        Self { sun_direction, sky_direction, ..self }
+    }
+
+    /// The irradiance of a ball, on average over its surface, as luminance. Half of it is turned away
+    /// from the sun, and the rest gets half of its light.
+    pub(super) fn mean_irradiance(&self) -> f32 {
+        let sky = (self.sky_above + self.sky_below) * (0.5 * PI);
+        luminance(sky + self.sun * 0.25)
     }
 }
 

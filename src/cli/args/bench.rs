@@ -36,7 +36,8 @@ pub(crate) struct Bench {
     /// The renderer of the pictures that are timed
     #[arg(long, value_enum, default_value = "cpu")]
     pub(crate) renderer: RendererArg,
-    /// Their size; small, so that three pictures of every row take minutes and not an hour
+    /// Size of the timed pictures; with a small one three pictures of every row take minutes and not
+    /// an hour
     #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size)]
     pub(crate) size: (u32, u32),
     /// Edges of the tubes' section in weft

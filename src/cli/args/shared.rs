@@ -106,11 +106,12 @@ pub(crate) struct Shared {
     /// Magnify the middle of the picture
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) zoom: f64,
-    /// Colour behind the yarns: #rrggbb, white, black, grey or transparent [default: white, and a
-    /// studio for garments]
+    /// Colour behind the yarns: #rrggbb, white, black, grey or transparent [default: white for
+    /// swatches and a studio for garments, unless there is an --environment]
     #[arg(long, value_name = "COLOR")]
     pub(crate) background: Option<Background>,
-    /// Direction to the sun, degrees: to the right of the camera, and up [default: -38,35.5]
+    /// Direction to the sun, degrees: to the right of the camera, and up; an --environment has its
+    /// own [default: -38,35.5]
     #[arg(long, value_name = "AZ,EL", value_parser = sun, allow_hyphen_values = true)]
     pub(crate) sun: Option<DVec3>,
     #[command(flatten)]

@@ -7,10 +7,14 @@
 //! orders above them are small once the sun is apart.
 //!
 //! Cost: a pass over the pixels, which become at most [`MOST_CELLS`] cells, and some passes over these.
+//!
+//! Not promised: the light of rooms with several lamps. In eight pictures of rooms, streets and skies
+//! the light on surfaces was off by 2 to 11 % of the brightest surface's on average, by 28 % at worst.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::{PI, SQRT_2, TAU};
+use std::ops::Range;
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use warpknit_core::ids::index32;
 
@@ -19,8 +23,9 @@ use crate::light::{Light, LightAxes, luminance};
 
 /// Cells across and down at most. Finer ones tell a sun's place no better than its shadow can show.
 const MOST_CELLS: [usize; 2] = [1024, 512];
-/// Cells across and down among which the sun is looked for at first.
-const COARSE: [usize; 2] = [32, 16];
+/// Cells across and down among which the sun is looked for at first. Coarser ones miss a sun between
+/// two cones. The time grows with the square of their number: these take 10 ms.
+pub(super) const COARSE: [usize; 2] = [32, 16];
 /// Half angle of the cone that is the sun's, radians. A smaller one leaves a part of a soft box to the
 /// sky. A larger one takes a bright sky for a sun.
 const CONE: f32 = 0.4;
@@ -28,8 +33,11 @@ const CONE: f32 = 0.4;
 const RING: f32 = 0.6;
 /// Rounds that move the cone to the middle of its light.
 const ROUNDS: usize = 6;
-/// Least half angle of a sun. The real one's is 0.0047; a smaller one is all noise in a picture's pixels.
+/// Least half angle of a sun, about half a cell: smaller ones can't be measured. The real one's is
+/// 0.0047.
 const SMALLEST: f32 = 0.004;
+/// Solid angle of everything around, sr.
+const SPHERE: f32 = 2.0 * TAU;
 
 /// Parts of the sphere with their mean radiance.
 pub(super) struct Cells {
@@ -41,7 +49,7 @@ struct Cell {
     /// Unit vector to its middle.
     toward: Vec3,
     /// Solid angle, sr.
-    size: f32,
+    solid_angle: f32,
     radiance: Vec3,
 }
 
@@ -56,44 +64,50 @@ impl Cells {
     /// The cells of a picture.
     pub(super) fn of(size: [usize; 2], pixels: &[Vec3]) -> Self {
         let count = [0, 1].map(|axis: usize| size[axis].min(MOST_CELLS[axis]));
-        let middle = |[x, y]: [usize; 2]| {
-            let place = [x * size[0] / count[0], y * size[1] / count[1]];
-            let end = [(x + 1) * size[0] / count[0], (y + 1) * size[1] / count[1]];
-            let rows = (place[1]..end[1]).map(|row| &pixels[row * size[0]..][place[0]..end[0]]);
-            let sum: Vec3 = rows.flatten().sum();
-            sum / index32((end[0] - place[0]) * (end[1] - place[1])) as f32
-        };
-        Self::grid(count, middle)
+        Self::grid(count, size, |[columns, rows]| {
+            let area = index32(columns.len() * rows.len()) as f32;
+            let rows = rows.map(|row| &pixels[row * size[0]..][columns.clone()]);
+            rows.flatten().sum::<Vec3>() / area
+        })
     }
 
-    /// A grid of so many cells across and down.
-    fn grid(count: [usize; 2], radiance: impl Fn([usize; 2]) -> Vec3 + Sync) -> Self {
-        let [across, down] = count.map(|count| index32(count) as f32);
+    /// A grid of so many cells across and down over a picture of so many pixels. Each cell is made of
+    /// whole pixels, so that none has more light than it has, and some cells are a pixel wider.
+    fn grid(
+        count: [usize; 2],
+        size: [usize; 2],
+        radiance: impl Fn([Range<usize>; 2]) -> Vec3 + Sync,
+    ) -> Self {
         let cells = (0..count[0] * count[1]).into_par_iter().map(|at| {
-            let place = [at % count[0], at / count[0]];
-            let [x, y] = place.map(|index| index32(index) as f32);
-            let toward = direction_of(Vec2::new((x + 0.5) / across, (y + 0.5) / down));
+            let pixels =
+                [(0, at % count[0]), (1, at / count[0])].map(|(axis, index): (usize, _)| {
+                    index * size[axis] / count[axis]..(index + 1) * size[axis] / count[axis]
+                });
+            let share =
+                |axis: usize, pixel: usize| index32(pixel) as f32 / index32(size[axis]) as f32;
+            let [left, right] = [pixels[0].start, pixels[0].end].map(|pixel| share(0, pixel));
+            let [top, bottom] = [pixels[1].start, pixels[1].end].map(|pixel| share(1, pixel));
+            let toward = direction_of(Vec2::new(0.5 * (left + right), 0.5 * (top + bottom)));
             // Between two circles of latitude, by Archimedes.
-            let heights = [y, y + 1.0].map(|row| (row / down * PI).cos());
-            let size = TAU / across * (heights[0] - heights[1]);
-            Cell { toward, size, radiance: radiance(place) }
+            let solid_angle = TAU * (right - left) * ((top * PI).cos() - (bottom * PI).cos());
+            Cell { toward, solid_angle, radiance: radiance(pixels) }
         });
         Self { cells: cells.collect() }
     }
 
-    /// The light that a ball gets from them, on average over its surface, as luminance.
-    pub(super) fn light_on_a_ball(&self) -> f32 {
+    /// The irradiance of a ball, on average over its surface, as luminance.
+    pub(super) fn mean_irradiance(&self) -> f32 {
         0.25 * luminance(self.sum(|cell| cell.radiance))
     }
 
     /// The sun and the sky that light surfaces most nearly as they do.
     pub(super) fn split(&self) -> Light {
         let sun = self.sun();
-        let mean = (self.sum(|cell| cell.radiance) - sun.irradiance) / (2.0 * TAU);
+        let mean = (self.sum(|cell| cell.radiance) - sun.irradiance) / SPHERE;
         // First moments, a row of three for each channel.
         let moments = [0, 1, 2].map(|channel: usize| {
             let all = self.sum(|cell| cell.toward * cell.radiance[channel]);
-            (all - sun.toward * sun.irradiance[channel]) * (3.0 / (2.0 * TAU))
+            (all - sun.toward * sun.irradiance[channel]) * (3.0 / SPHERE)
         });
         let [red, green, blue] = moments;
         let weighted = Vec3::new(
@@ -118,7 +132,7 @@ impl Cells {
 
     /// Sum over the cells, weighted by their size. In 64 bits: 32 would lose what is dim beside a sun.
     fn sum(&self, of: impl Fn(&Cell) -> Vec3) -> Vec3 {
-        let parts = self.cells.iter().map(|cell| of(cell).as_dvec3() * f64::from(cell.size));
+        let parts = self.cells.iter().map(|cell| of(cell).as_dvec3() * f64::from(cell.solid_angle));
         parts.sum::<glam::DVec3>().as_vec3()
     }
 
@@ -151,58 +165,61 @@ impl Cells {
             toward = pull.try_normalize().unwrap_or(toward);
         }
         let base = self.ring(toward);
-        // The sum of squared angles, weighted by brightness, and that of the weights.
-        let spread = self.in_cone(toward, |cell| {
-            let (more, angle) =
-                (luminance(cell.radiance - base), cell.toward.angle_between(toward));
-            Vec3::new(more * angle * angle, more, 0.0)
+        let irradiance = self.excess(toward, base).max(Vec3::ZERO);
+        Sun { toward, irradiance, half_angle: self.half_angle(toward, luminance(base)) }
+    }
+
+    /// Half angle of the disc of even radiance that has half of its light within the same angle as the
+    /// cone has. The light's second moment would be that of the aureole around a real sun.
+    fn half_angle(&self, toward: Vec3, base: f32) -> f32 {
+        let edge = CONE.cos();
+        let in_cone = self.cells.iter().filter(|cell| cell.toward.dot(toward) > edge);
+        let mut light: Vec<(f32, f64)> = in_cone
+            .map(|cell| {
+                let excess = (luminance(cell.radiance) - base).max(0.0) * cell.solid_angle;
+                (cell.toward.angle_between(toward), f64::from(excess))
+            })
+            .collect();
+        light.sort_by(|one, other| one.0.total_cmp(&other.0));
+        let half = 0.5 * light.iter().map(|(_, excess)| excess).sum::<f64>();
+        let mut within = 0.0;
+        let angle = light.iter().find_map(|&(angle, excess)| {
+            within += excess;
+            (within >= half).then_some(angle)
         });
-        // A disc's mean squared angle is half the square of its radius.
-        let square = if spread.y > 0.0 { 2.0 * spread.x / spread.y } else { CONE * CONE };
-        let half_angle = square.clamp(SMALLEST * SMALLEST, CONE * CONE).sqrt();
-        Sun { toward, irradiance: self.excess(toward, base).max(Vec3::ZERO), half_angle }
+        (angle.unwrap_or(CONE) * SQRT_2).clamp(SMALLEST, CONE)
     }
 
     /// The same light in fewer cells.
     fn coarse(&self) -> Self {
-        let mut coarse = Self::grid(COARSE, |_| Vec3::ZERO);
+        let mut coarse = Self::grid(COARSE, COARSE, |_| Vec3::ZERO);
         for cell in &self.cells {
             let place = super::place_of(cell.toward);
             let [x, y] = [0, 1].map(|axis: usize| {
                 super::whole(place[axis] * index32(COARSE[axis]) as f32).min(COARSE[axis] - 1)
             });
             let into = &mut coarse.cells[y * COARSE[0] + x];
-            into.radiance += cell.radiance * (cell.size / into.size);
+            into.radiance += cell.radiance * (cell.solid_angle / into.solid_angle);
         }
         coarse
     }
 
-    /// The direction of the cone that has most light above that of its ring.
+    /// The direction of the cone with the highest [`score`](Self::score).
     fn brightest(&self) -> Vec3 {
-        let cones = self.cells.par_iter().map(|middle| {
-            let more = self.excess(middle.toward, self.ring(middle.toward));
-            (luminance(more), middle.toward)
-        });
+        let cones = self.cells.par_iter().map(|middle| (self.score(middle.toward), middle.toward));
         // The first of equal ones, whatever the number of threads.
         let all: Vec<_> = cones.collect();
         all.into_iter()
             .reduce(|best, next| if next.0 > best.0 { next } else { best })
             .map_or(Vec3::Y, |best| best.1)
     }
-}
 
-impl Light {
-    /// So many times as bright.
-    pub(super) fn scaled(self, scale: f32) -> Self {
-        let [sun, sky_above, sky_below] =
-            [self.sun, self.sky_above, self.sky_below].map(|color| color * scale);
-        Self { sun, sky_above, sky_below, ..self }
-    }
-
-    /// Turned.
-    pub(super) fn turned(self, rotation: Quat) -> Self {
-        let [sun_direction, sky_direction] =
-            [self.sun_direction, self.sky_direction].map(|axis| (rotation * axis).normalize());
-        Self { sun_direction, sky_direction, ..self }
+    /// How much light of a cone is above that of its ring. Light in its middle counts most: a small sun
+    /// gives the same sum wherever it is in the cone, and a cone that has it at its edge may lose it
+    /// among finer cells.
+    fn score(&self, toward: Vec3) -> f32 {
+        let (base, edge) = (self.ring(toward), CONE.cos());
+        let weighted = |cell: &Cell| (cell.radiance - base) * (cell.toward.dot(toward) - edge);
+        luminance(self.in_cone(toward, weighted))
     }
 }
