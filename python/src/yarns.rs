@@ -471,6 +471,8 @@ impl Yarns {
             // A background is seen in its place.
             options.set =
                 background.is_none().then(|| Set::default().with_environment(around)).map(Arc::new);
+        } else if environment_turn != 0.0 {
+            return Err(PyValueError::new_err("environment_turn needs an environment to turn"));
         }
         options.background = background.unwrap_or_default();
         let picture = self.picture(py, names::view(view)?, names::shape(shape)?, zoom, &options)?;

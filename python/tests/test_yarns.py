@@ -132,6 +132,7 @@ def test_pictures_are_arrays_and_png(yarns: warpknit.Yarns) -> None:
         ({"zoom": 0.0}, "zoom is 0"),
         ({"zoom": float("nan")}, "zoom is NaN"),
         ({"environment": "sky.hdr", "environment_turn": float("inf")}, "environment_turn is inf"),
+        ({"environment_turn": 90.0}, "needs an environment"),
     ],
 )
 def test_pictures_of_nonsense_are_refused(yarns: warpknit.Yarns, arguments: dict[str, object], words: str) -> None:
