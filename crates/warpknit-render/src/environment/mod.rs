@@ -74,7 +74,7 @@ impl Environment {
     /// pixels[4 * 32 + 24] = Vec3::splat(500.0);
     /// let environment = Environment::new([32, 16], pixels, 0.0).unwrap();
     /// let toward_sun = environment.light().sun_direction;
-    /// assert!(toward_sun.y > 0.7 && toward_sun.z > 0.6);
+    /// assert!(toward_sun.y > 0.6 && toward_sun.z > 0.7);
     /// ```
     ///
     /// # Errors
