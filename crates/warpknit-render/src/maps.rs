@@ -344,12 +344,13 @@ fn float(count: u32) -> f32 {
     count as f32
 }
 
+/// A small number from 0 up, without its fraction.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "a small number from 0 up"
 )]
-fn whole(number: f32) -> usize {
+pub(crate) fn whole(number: f32) -> usize {
     number as usize
 }
 

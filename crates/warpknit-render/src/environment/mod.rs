@@ -26,6 +26,7 @@ use rayon::prelude::*;
 use warpknit_core::ids::index32;
 
 use crate::light::Light;
+use crate::maps::whole;
 use split::{COARSE, Cells};
 
 /// Largest radiance that is believed. Half floats end below it, and a sun of this radiance in one pixel
@@ -142,16 +143,6 @@ impl fmt::Debug for Environment {
         fields.field("size", size).field("light", light);
         fields.field("picture_from_world", picture_from_world).finish_non_exhaustive()
     }
-}
-
-/// A number that is whole and not negative.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "it is whole, and in range"
-)]
-fn whole(number: f32) -> usize {
-    number as usize
 }
 
 /// The place of a direction in the picture, 0..1 across and down.

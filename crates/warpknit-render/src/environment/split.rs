@@ -18,8 +18,9 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use warpknit_core::ids::index32;
 
-use super::direction_of;
+use super::{direction_of, place_of};
 use crate::light::{Light, LightAxes, luminance};
+use crate::maps::whole;
 
 /// Cells across and down at most. Finer ones tell a sun's place no better than its shadow can show.
 const MOST_CELLS: [usize; 2] = [1024, 512];
@@ -194,9 +195,9 @@ impl Cells {
     fn coarse(&self) -> Self {
         let mut coarse = Self::grid(COARSE, COARSE, |_| Vec3::ZERO);
         for cell in &self.cells {
-            let place = super::place_of(cell.toward);
+            let place = place_of(cell.toward);
             let [x, y] = [0, 1].map(|axis: usize| {
-                super::whole(place[axis] * index32(COARSE[axis]) as f32).min(COARSE[axis] - 1)
+                whole(place[axis] * index32(COARSE[axis]) as f32).min(COARSE[axis] - 1)
             });
             let into = &mut coarse.cells[y * COARSE[0] + x];
             into.radiance += cell.radiance * (cell.solid_angle / into.solid_angle);
