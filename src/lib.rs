@@ -50,7 +50,7 @@
 //! | a photo of a yarn or of a cloth | [`photo::yarn`], [`photo::capture`] |
 //!
 //! The stages are crates and modules of their own, re-exported here: [`garment`], [`fabric`],
-//! [`knit`], [`locate`], [`map`], [`yarn`] and [`drape`] from `warpknit-core`, and [`render`],
+//! [`knit`], [`locate`], [`map`], [`yarn`], [`edges`] and [`drape`] from `warpknit-core`, and [`render`],
 //! [`export`], [`photo`] and [`chart`]. This crate adds [`pipeline`], which assembles whole runs,
 //! [`folder`] and [`report`]. The cargo feature `cli` adds the command, `gpu` pictures by a
 //! graphics card, and `view` the window. Lengths are millimetres and angles radians throughout,
@@ -65,7 +65,7 @@ pub mod system;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 pub use warpknit_chart as chart;
-pub use warpknit_core::{drape, fabric, garment, ids, knit, locate, map, number, tile, yarn};
+pub use warpknit_core::{drape, edges, fabric, garment, ids, knit, locate, map, number, tile, yarn};
 pub use warpknit_export as export;
 pub use warpknit_photo as photo;
 pub use warpknit_render as render;

@@ -32,6 +32,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
             studio: arguments.stage.studio.map(SwitchArg::is_on),
             environment: arguments.stage.environment()?,
             body: body(arguments)?,
+            edges: arguments.edges.map(Into::into),
             ..shared_settings.picture
         },
         placement: arguments.laying.placement(),

@@ -13,7 +13,7 @@ use warpknit::drape::strands::Edge;
 use warpknit::export::glb::{Nodes, Precision};
 use warpknit::export::{FileUnit, Format, InpDialect, UpAxis, UsdCurves};
 use warpknit::map::Mapping;
-use warpknit::pipeline::{Enlarge, FREE_PULLS, LoupeChoice, STRETCHES, Stretch};
+use warpknit::pipeline::{EdgeFinish, Enlarge, FREE_PULLS, LoupeChoice, STRETCHES, Stretch};
 use warpknit::render::scene::Shape;
 use warpknit::render::{RendererChoice, View};
 
@@ -111,6 +111,23 @@ impl From<EdgeArg> for Edge {
         match edge {
             EdgeArg::Clip => Self::Clip,
             EdgeArg::Drop => Self::Drop,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum EdgesArg {
+    /// Turn open edges in and sew them, and give seams their allowances
+    Hemmed,
+    /// End cloth where its panel ends
+    Raw,
+}
+
+impl From<EdgesArg> for EdgeFinish {
+    fn from(edges: EdgesArg) -> Self {
+        match edges {
+            EdgesArg::Hemmed => Self::Hemmed,
+            EdgesArg::Raw => Self::Raw,
         }
     }
 }

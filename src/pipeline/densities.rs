@@ -166,7 +166,7 @@ impl Enlarge {
 }
 
 /// Files of a run, and the fabric that they show.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Shown<'a> {
     pub(super) fabric: Cow<'a, Fabric>,
     pub(super) outputs: Vec<Wanted>,

@@ -10,6 +10,7 @@ use image::RgbaImage;
 
 use super::RunError;
 use super::clock::{Clock, Task};
+use super::edges;
 use super::estimates::picture_bytes;
 use super::job::Job;
 use super::loupe::Loupe;
@@ -114,6 +115,7 @@ impl<'a> Drawn<'a> {
             blocks.iter().for_each(|block| shown.add_to(&mut scene, block));
             Ok::<_, Infallible>(())
         });
+        edges::add_to(&mut scene, job.threads);
         pictures.inset(&scene, setup.fibres.as_ref(), job, loupe).map(Some)
     }
 }

@@ -144,6 +144,14 @@ pub enum RunError {
     /// A loupe in pictures that move.
     #[error("--loupe X,Y is for one picture, and these are many: leave it out")]
     LoupeOfMany,
+    /// Hems without a picture.
+    #[error(
+        "--edges hemmed is for pictures, and none is asked for: name one, such as -o cloth.png"
+    )]
+    HemsWithoutPicture,
+    /// Hems in a sequence.
+    #[error("--edges hemmed is for one drape, and these are many: leave it out")]
+    HemsOfSequence,
     /// A loupe at a place without cloth.
     #[error(
         "--loupe {},{}: the picture shows no cloth there; choose a place on the garment, in shares \

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use super::RunError;
 use super::estimates::float;
 use super::job::Source;
-use super::settings::{LoupeChoice, Placement, Settings, Wanted};
+use super::settings::{EdgeFinish, LoupeChoice, Placement, Settings, Wanted};
 use super::targets::check_distinct;
 use crate::drape::strands::Losses;
 use crate::drape::{Cloth, DrapeOptions, Totals};
@@ -34,6 +34,7 @@ pub(super) fn check_settings(
     check_placement(settings.placement)?;
     let picture = &settings.picture;
     let has_loupe = matches!(picture.loupe, LoupeChoice::At(_));
+    let has_hems = picture.edges == Some(EdgeFinish::Hemmed);
     check_distinct(
         source.inputs.iter().map(PathBuf::as_path),
         outputs.iter().map(|(path, _)| path.as_path()),
@@ -42,11 +43,15 @@ pub(super) fn check_settings(
         return match picture.turntable {
             Some(_) => Err(RunError::TurntableWithoutPicture),
             None if has_loupe => Err(RunError::LoupeWithoutPicture),
+            None if has_hems => Err(RunError::HemsWithoutPicture),
             None => Ok(()),
         };
     }
     if has_loupe && (is_moving || picture.turntable.is_some()) {
         return Err(RunError::LoupeOfMany);
+    }
+    if has_hems && is_moving {
+        return Err(RunError::HemsOfSequence);
     }
     if picture.eye.is_some_and(|(eye, target)| eye == target) {
         return Err(RunError::NoDirection);

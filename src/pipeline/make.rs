@@ -13,6 +13,7 @@ use glam::Vec3;
 use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::drawn::{Drawn, empty_scene};
+use super::edges;
 use super::job::Job;
 use super::limits::{
     check_laid, check_memory, check_pages, check_stitches, locked_warning, loss_warning,
@@ -228,7 +229,8 @@ impl<'a> Prepared<'a> {
         all.warn(locked_warning(&strain, job.cloth.garment()), clock);
         clock.begin(Task::Write, 1.0);
         all.files.extend(finished(sinks)?);
-        if let Some((drawn, scene)) = &pictures {
+        if let Some((drawn, scene)) = &mut pictures {
+            edges::add_to(scene, job.threads);
             if job.is_swatch {
                 points.clone_from(&scene.positions);
             }

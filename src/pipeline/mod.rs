@@ -14,6 +14,7 @@ mod camera;
 mod clock;
 mod densities;
 mod drawn;
+mod edges;
 mod environment;
 mod error;
 mod estimates;
@@ -55,7 +56,7 @@ pub use pictures::options;
 pub use run::{drape, swatch};
 pub use sequence::{Motion, Sequence};
 pub use settings::{
-    Body, Densities, Enlarge, LoupeChoice, PictureSettings, Placement, Settings, Wanted,
+    Body, Densities, EdgeFinish, Enlarge, LoupeChoice, PictureSettings, Placement, Settings, Wanted,
 };
 pub use strain_cache::{StrainCache, cache_folder};
 pub use stretch::{BENDINGS, FREE_PULLS, FreeWidth, STRETCHES, Stretch, Stretched};

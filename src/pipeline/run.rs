@@ -9,6 +9,7 @@ use std::borrow::Cow;
 use super::RunError;
 use super::clock::{Clock, Task};
 use super::densities::{Gauge, Shown, drawn_radius, shown, turn_grains};
+use super::edges;
 use super::job::{Job, Source};
 use super::limits::{check_settings, lengths_note};
 use super::make::make;
@@ -63,17 +64,25 @@ pub fn drape(
     let outputs = wanted(settings, source);
     check_settings(settings, source, &outputs, sequence.is_some())?;
     let parts = shown(fabric, area, settings, outputs, sequence.is_some())?;
-    let cloths = parts.iter().map(|part| {
-        drawn_radius(&part.fabric, settings.radius)?;
+    let parts: Vec<_> = edges::divided(parts, settings.picture.edges).collect();
+    let finished = parts.iter().map(|(part, has_edges)| {
+        let radius = drawn_radius(&part.fabric, settings.radius)?;
         let pattern = relaxed(&part.fabric, &mut clock);
-        Cloth::cover_with(&garment, &part.fabric, pattern)
+        let finished = has_edges.then(|| edges::finish(&garment, &pattern, radius));
+        Ok::<_, RunError>((pattern, finished))
+    });
+    let finished = finished.collect::<Result<Vec<_>, _>>()?;
+    let cloths = parts.iter().zip(&finished).map(|((part, _), (pattern, finished))| {
+        let garment = finished.as_ref().map_or(&garment, |finished| &finished.garment);
+        Cloth::cover_with(garment, &part.fabric, pattern.clone())
             .map_err(|error| RunError::Layout { fabric: source.fabric.clone(), source: error })
     });
     let cloths = cloths.collect::<Result<Vec<_>, _>>()?;
     let jobs: Vec<_> = parts
         .iter()
+        .zip(&finished)
         .zip(&cloths)
-        .map(|(part, cloth)| {
+        .map(|(((part, _), (_, finished)), cloth)| {
             let Shown { fabric: shown, outputs, gauge } = part;
             let notes = garment.summary.notes.iter().cloned();
             let options = laying(settings, part.gauge);
@@ -86,6 +95,7 @@ pub fn drape(
                 notes: notes.chain(lengths_note(cloth, &options)).collect(),
                 part: settings.tile.map(|tile| (tile, cloth.part(tile))),
                 cloth,
+                threads: finished.as_ref().map_or(&[], |finished| &finished.threads),
                 options,
                 area,
                 source,
@@ -139,6 +149,7 @@ pub fn swatch(
         notes: Vec::new(),
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
+        threads: &[],
         options: flat_options(&settings),
         area,
         source,

@@ -167,6 +167,9 @@ pub struct PictureSettings {
     pub turntable: Option<u32>,
     /// Whether stitches are copies of each other. Whatever is measured, and files, are regular.
     pub evenness: Evenness,
+    /// How the edges of a garment are finished. By default they are hemmed where a picture shows true
+    /// gauge unasked. Files have raw edges.
+    pub edges: Option<EdgeFinish>,
     /// The inset that magnifies a place. Swatches, turntables and sequences have none.
     pub loupe: LoupeChoice,
 }
@@ -181,6 +184,15 @@ pub enum Body {
     Files(Vec<PathBuf>),
     /// A lining, made from the garment itself.
     Lining,
+}
+
+/// How the edges of a garment are finished.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EdgeFinish {
+    /// Cloth ends where its panel does.
+    Raw,
+    /// Open edges are hemmed, and sewn ones have seam allowances.
+    Hemmed,
 }
 
 /// Where the loupe of a picture looks.
@@ -244,6 +256,7 @@ impl Default for PictureSettings {
             texture: None,
             turntable: None,
             evenness: Evenness::Uneven,
+            edges: None,
             loupe: LoupeChoice::default(),
         }
     }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::RunError;
 use super::densities::drawn_radius;
+use super::edges;
 use super::fibres::Fibres;
 use super::job::Job;
 use super::numbers::RealCloth;
@@ -83,7 +84,10 @@ impl Setup {
     /// The empty scene for the run's yarns.
     pub(super) fn scene(&self, job: &Job<'_>) -> Scene {
         let shape = job.settings.picture.shape;
-        let scene = textures::scene(shape, job.shown, self.section.radius, &self.textures);
+        let mut scene = textures::scene(shape, job.shown, self.section.radius, &self.textures);
+        if !job.threads.is_empty() {
+            scene.looks.extend(edges::thread_look(&scene.looks));
+        }
         Scene { evenness: job.options.evenness, ..scene }
     }
 }

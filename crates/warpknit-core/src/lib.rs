@@ -17,6 +17,7 @@
 
 mod cursor;
 pub mod drape;
+pub mod edges;
 pub mod fabric;
 pub mod garment;
 pub mod ids;

@@ -26,7 +26,7 @@ pub(crate) use tile::Maps;
 use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
-use super::values::{FactsFormat, diagram, loupe, positive, stretch};
+use super::values::{EdgesArg, FactsFormat, diagram, loupe, positive, stretch};
 
 /// The fabric, unless one is named.
 pub(crate) const DEFAULT_FABRIC: &str = "tricot";
@@ -249,6 +249,10 @@ pub(crate) struct Drape {
     /// Line the cloth with an opaque surface, made from the garment itself, in place of a body
     #[arg(long)]
     pub(crate) body_cloth: bool,
+    /// How the garment's edges are finished in pictures [default: hemmed in a picture at true gauge;
+    /// else raw]
+    #[arg(long, value_enum, value_name = "hemmed|raw")]
+    pub(crate) edges: Option<EdgesArg>,
     /// Magnify the place X,Y of the picture in a round inset until loops can be seen; 0,0 is the top
     /// left corner and 1,1 the bottom right one. Turntables and sequences have none [default: cloth
     /// near the middle, where stitches are under 4 pixels wide]

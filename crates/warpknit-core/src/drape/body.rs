@@ -36,8 +36,10 @@ impl<'a> Body<'a> {
     ) -> Self {
         let relaxed = table.filter(|_| mapping == Mapping::Relaxed).map(|table| {
             let surfaces: Vec<_> = garment.panels.par_iter().map(SmoothSurface::new).collect();
+            // Cloth that edges turn in is hidden, and bends sharply where it is folded.
             let panels = garment.panels.par_iter().zip(&surfaces);
             let strains = panels
+                .filter(|(panel, _)| !panel.is_turned_in)
                 .flat_map(|(panel, surface)| StrainedPanel { panel, surface, table }.strains());
             table.prepare(strains, progress);
             (table, surfaces)
@@ -60,8 +62,10 @@ impl<'a> Body<'a> {
         draped: &mut Draped,
     ) -> StrainCounts {
         let mesh = &self.garment.panels[panel];
-        let Some((table, surfaces)) = &self.relaxed else {
-            map_into(mesh, &strands.flat, &strands.located, self.mapping, draped);
+        let relaxed = self.relaxed.as_ref().filter(|_| !mesh.is_turned_in);
+        let Some((table, surfaces)) = relaxed else {
+            let mapping = if mesh.is_turned_in { Mapping::Smooth } else { self.mapping };
+            map_into(mesh, &strands.flat, &strands.located, mapping, draped);
             return StrainCounts::default();
         };
         let strained = StrainedPanel { panel: mesh, surface: &surfaces[panel], table };

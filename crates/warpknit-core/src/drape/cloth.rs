@@ -138,7 +138,8 @@ impl<'a> Cloth<'a> {
                 return Err(LayoutError::TooLarge { panel, width: size.x, height: size.y });
             }
         }
-        let last = garment.panels.len().saturating_sub(1);
+        let own = garment.panels.iter().filter(|panel| !panel.is_turned_in);
+        let last = own.count().saturating_sub(1);
         if let Some(layout) = fabric.panels.iter().find(|layout| layout.panel > last) {
             return Err(LayoutError::NoPanel { panel: layout.panel, last });
         }

@@ -111,6 +111,8 @@ pub struct Panel {
     pub flat_from_panel: DAffine3,
     /// Whether the flat piece lies mirrored (clockwise) in its own plane.
     pub mirrored: bool,
+    /// Whether it is cloth that a finished edge turns in ([`crate::edges`]) and no panel of the file.
+    pub is_turned_in: bool,
 }
 
 /// All panels of a garment, with a summary of what reading found.

@@ -21,6 +21,7 @@ impl Garment {
             flipped: Vec::new(),
             flat_from_panel: DAffine3::IDENTITY,
             mirrored: false,
+            is_turned_in: false,
         };
         Self {
             panels: vec![panel],

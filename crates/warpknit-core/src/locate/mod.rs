@@ -198,21 +198,23 @@ impl<'a> Locator<'a> {
             return None;
         }
         let outline = self.outline.get_or_init(|| {
-            Outline::new(self.panel.bounds(), self.triangles.len(), &self.border())
+            let place = |vertex: u32| self.panel.uv[vertex as usize];
+            let border: Vec<_> =
+                self.border().into_iter().map(|(edge, _)| edge.map(place)).collect();
+            Outline::new(self.panel.bounds(), self.triangles.len(), &border)
         });
         outline.as_ref()
     }
 
-    /// The border's edges, with the panel to their left.
-    fn border(&self) -> Vec<[DVec2; 2]> {
-        let Panel { uv, triangles, .. } = self.panel;
+    /// The border's edges by their vertices, with the panel to their left, and their triangles.
+    pub(crate) fn border(&self) -> Vec<([u32; 2], u32)> {
         let mut border = Vec::new();
-        for (&corners, BarycentricTriangle { neighbours, .. }) in
-            triangles.iter().zip(&self.triangles)
+        for ((triangle, &corners), BarycentricTriangle { neighbours, .. }) in
+            (0..).zip(&self.panel.triangles).zip(&self.triangles)
         {
             for i in (0..3).filter(|&i| neighbours[i] == BORDER) {
                 let (a, b) = edge(corners, i);
-                border.push([a, b].map(|v| uv[v as usize]));
+                border.push(([a, b], triangle));
             }
         }
         border

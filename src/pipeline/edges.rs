@@ -1,0 +1,65 @@
+//! Finished edges of a run's pictures: which pictures have them, and the sewing thread.
+//!
+//! In: the parts of a run, a garment, and the relaxed repeat of its fabric. Out: the garment with hems
+//! and seam allowances, and its threads in a scene. Files are of the garment as it is.
+
+use super::densities::{Gauge, Shown};
+use super::settings::EdgeFinish;
+use crate::edges::{Finished, Sizes, Thread, finished};
+use crate::export::Format;
+use crate::garment::Garment;
+use crate::ids::index32;
+use crate::knit::Pattern;
+use crate::render::scene::{Scene, YarnLook};
+
+/// Radius of sewing thread, mm: one of 27 tex, for light knits.
+const THREAD: f64 = 0.1;
+
+/// Takes pictures with finished edges out of parts that have other files too, and says of each part
+/// whether its edges are finished.
+pub(super) fn divided(
+    parts: Vec<Shown<'_>>,
+    chosen: Option<EdgeFinish>,
+) -> impl Iterator<Item = (Shown<'_>, bool)> {
+    parts.into_iter().flat_map(move |part| {
+        let is_finished = match chosen {
+            None => part.gauge == Gauge::True,
+            Some(finish) => finish == EdgeFinish::Hemmed,
+        };
+        let (pictures, files): (Vec<_>, Vec<_>) = part
+            .outputs
+            .iter()
+            .cloned()
+            .partition(|(_, format)| is_finished && *format == Format::Png);
+        let drawn = Shown { outputs: pictures, ..part.clone() };
+        let filed = Shown { outputs: files, ..part };
+        [(drawn, true), (filed, false)].into_iter().filter(|(part, _)| !part.outputs.is_empty())
+    })
+}
+
+/// A garment with finished edges, for cloth of this repeat whose thickest yarn has this radius, mm.
+pub(super) fn finish(garment: &Garment, pattern: &Pattern, radius: f64) -> Finished {
+    let [low, high] = pattern.depths();
+    finished(garment, &Sizes { face: high + radius, back: radius - low, thread: THREAD })
+}
+
+/// The look of thread that is sewn into cloth of these looks: that of its front bar, at its own
+/// thickness.
+pub(super) fn thread_look(looks: &[YarnLook]) -> Option<YarnLook> {
+    let front = looks.first()?;
+    #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
+    let radius = THREAD as f32;
+    Some(YarnLook { radius, plies: 3, maps: None, ..*front })
+}
+
+/// Adds threads to a scene whose last look is theirs.
+pub(super) fn add_to(scene: &mut Scene, threads: &[Thread]) {
+    let look = u16::try_from(scene.looks.len().saturating_sub(1)).expect("some tens of looks");
+    for (number, thread) in (0..).zip(threads) {
+        let points = thread.iter().map(|(place, normal)| (place.as_vec3(), normal.as_vec3()));
+        // One stitch begins at each point: a thread has no loops that share a number of segments.
+        scene.push_stitches(points, 0..index32(thread.len()), look);
+        // Numbers of yarns begin at 0.
+        scene.strands.last_mut().expect("added just now").yarn = u32::MAX - number;
+    }
+}
