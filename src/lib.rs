@@ -65,7 +65,9 @@ pub mod system;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 pub use warpknit_chart as chart;
-pub use warpknit_core::{drape, edges, fabric, garment, ids, knit, locate, map, number, tile, yarn};
+pub use warpknit_core::{
+    drape, edges, fabric, garment, ids, knit, locate, map, number, tile, yarn,
+};
 pub use warpknit_export as export;
 pub use warpknit_photo as photo;
 pub use warpknit_render as render;

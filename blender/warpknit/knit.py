@@ -128,9 +128,8 @@ def fill(curves, yarns, scene, samples):
     scale = millimetres(scene)
     lines, radii, bars = centre_lines(yarns, samples)
     curves.dimensions, curves.fill_mode, curves.bevel_resolution = "3D", "FULL", 2
-    # The bevel is that of the thickest yarn, and each point's radius is its share of that.
-    thickest = float(radii.max())
-    curves.bevel_depth = thickest / scale
+    # Points have the yarns' radii, and the bevel leaves them as they are: Blender's bounding box grows by the points' radii alone.
+    curves.bevel_depth = 1.0
     _materials(curves, yarns.fabric)
     if [len(spline.points) for spline in curves.splines] != [len(line) for line in lines]:
         curves.splines.clear()
@@ -139,5 +138,5 @@ def fill(curves, yarns, scene, samples):
     for spline, line, radius, bar in zip(curves.splines, lines, radii, bars):
         spline.material_index = int(bar)
         spline.points.foreach_set("co", np.column_stack([line / scale, np.ones(len(line))]).ravel())
-        spline.points.foreach_set("radius", np.full(len(line), radius / thickest))
+        spline.points.foreach_set("radius", np.full(len(line), radius / scale))
     curves.update_tag()

@@ -17,6 +17,7 @@ mod cloth;
 mod config;
 mod curves;
 mod drape;
+mod edges;
 mod environment;
 mod estimates;
 mod evenness;

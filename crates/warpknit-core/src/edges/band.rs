@@ -14,7 +14,7 @@ use crate::ids::index32;
 use crate::number::{double, whole_f64};
 
 /// Distance between rows of vertices at most, mm.
-const ROW: f64 = 5.0;
+const ROW: f64 = 2.5;
 /// Smallest flat area of a triangle, mm². On tight bends the pattern folds over itself; what lies there
 /// is left out.
 const SMALLEST: f64 = 1e-4;
@@ -78,7 +78,12 @@ fn column(
         let uv = station.flat + station.outward * deep;
         if row == 0 {
             let normal = out_of_edge(sheet, triangle, station, &place, round)?;
-            return Some(Vertex { uv, draped: place.draped - place.normal * (gap / 2.0), normal, behind });
+            return Some(Vertex {
+                uv,
+                draped: place.draped - place.normal * (gap / 2.0),
+                normal,
+                behind,
+            });
         }
         let draped = place.draped - place.normal * gap;
         Some(Vertex { uv, draped, normal: -place.normal, behind })

@@ -61,7 +61,8 @@ pub(super) fn runs(panels: &[Panel], locators: &[Locator<'_>]) -> Vec<Vec<Run>> 
         }
     }
     let runs = panels.iter().zip(&borders);
-    runs.map(|(panel, border)| border.iter().flat_map(|edges| cut(panel, edges)).collect()).collect()
+    runs.map(|(panel, border)| border.iter().flat_map(|edges| cut(panel, edges)).collect())
+        .collect()
 }
 
 /// The closed curves of a panel's border. One that defects leave open is left out.

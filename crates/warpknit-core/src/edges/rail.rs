@@ -17,7 +17,7 @@ use crate::map::surface::{SmoothSurface, part_of};
 use crate::number::double;
 
 /// Distance between places along the rail at most, mm.
-const SPACING: f64 = 5.0;
+const SPACING: f64 = 2.5;
 /// Smallest cosine between the way across a run and the border at its end. Where it is smaller, the
 /// corner is too sharp for cloth that follows that border.
 const UPRIGHT: f64 = 0.5;
@@ -76,7 +76,8 @@ impl<'a> Sheet<'a> {
         let at = self.locator.at(flat, hint)?;
         let patch = self.surface.patch(self.panel, at.triangle as usize);
         let frame = patch.part(part_of(at.b, at.c)).at([at.b], [at.c]);
-        let [draped, normal] = [frame.place, frame.normal].map(|[x, y, z]| DVec3::new(x[0], y[0], z[0]));
+        let [draped, normal] =
+            [frame.place, frame.normal].map(|[x, y, z]| DVec3::new(x[0], y[0], z[0]));
         (draped.is_finite() && normal.is_finite()).then_some(Place { at, draped, normal })
     }
 }
@@ -194,9 +195,8 @@ fn turn_ends(panel: &Panel, run: &Run, turning: f64, stations: &mut [Station]) {
 
 /// How deep the panel is at a station, mm, up to `deepest`.
 fn reach(sheet: &Sheet<'_>, station: &Station, triangle: u32, deepest: f64) -> f64 {
-    let is_on = |depth: f64| {
-        sheet.locator.at(station.flat + station.inward * depth, triangle).is_some()
-    };
+    let is_on =
+        |depth: f64| sheet.locator.at(station.flat + station.inward * depth, triangle).is_some();
     let steps = (1..=STEPS).map(|step| deepest * double(step) / double(STEPS));
     let mut on = 0.0;
     for depth in steps {

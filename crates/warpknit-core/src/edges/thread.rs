@@ -42,7 +42,11 @@ pub(super) fn looper(
     [near, far]: [f64; 2],
     height: f64,
 ) -> Vec<Thread> {
-    sewn(sheet, rail, &[[0.0, near, height], [0.1, near, height], [0.5, far, height], [0.6, far, height]])
+    sewn(
+        sheet,
+        rail,
+        &[[0.0, near, height], [0.1, near, height], [0.5, far, height], [0.6, far, height]],
+    )
 }
 
 /// The thread of a row of stitches. It is cut where there is no cloth.

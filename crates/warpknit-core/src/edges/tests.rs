@@ -1,0 +1,136 @@
+//! Tests of finished edges on panels whose drape is known.
+
+use std::f64::consts::TAU;
+
+use glam::{DAffine3, DVec2, DVec3};
+
+use super::*;
+use crate::ids::{FaceId, index32};
+use crate::number::double;
+
+const SIZES: Sizes = Sizes { face: 0.3, back: 0.2, thread: 0.1 };
+
+/// A panel of cells of 5 mm, `columns` x `rows` of them from `low` on, draped by functions of the flat
+/// place to a place and its normal.
+fn grid(low: DVec2, [columns, rows]: [usize; 2], drape: impl Fn(DVec2) -> (DVec3, DVec3)) -> Panel {
+    let places = (0..=rows).flat_map(|row| {
+        (0..=columns).map(move |column| low + 5.0 * DVec2::new(double(column), double(row)))
+    });
+    let uv: Vec<DVec2> = places.collect();
+    let (draped, normals) = uv.iter().copied().map(drape).unzip();
+    let mut triangles = Vec::new();
+    for cell in (0..rows).flat_map(|row| (0..columns).map(move |at| row * (columns + 1) + at)) {
+        let [a, b, c, d] = [cell, cell + 1, cell + columns + 2, cell + columns + 1].map(index32);
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    let faces = (0..).map(FaceId).take(triangles.len()).collect();
+    Panel {
+        uv,
+        draped,
+        normals,
+        triangles,
+        faces,
+        flipped: Vec::new(),
+        flat_from_panel: DAffine3::IDENTITY,
+        mirrored: false,
+        is_turned_in: false,
+    }
+}
+
+fn flat(p: DVec2) -> (DVec3, DVec3) {
+    (p.extend(0.0), DVec3::Z)
+}
+
+fn garment(panels: Vec<Panel>) -> Garment {
+    Garment { panels, ..Garment::rectangle(1.0, 1.0) }
+}
+
+/// Width and height of the panels that were added.
+fn added(garment: &Garment) -> Vec<[i64; 2]> {
+    let panels = garment.panels.iter().filter(|panel| panel.is_turned_in);
+    #[expect(clippy::cast_possible_truncation, reason = "some hundred millimetres")]
+    panels.map(|panel| panel.size().to_array().map(|side| side.round() as i64)).collect()
+}
+
+#[test]
+fn a_hem_lies_behind_its_panel_and_goes_on_in_its_pattern() {
+    let finished = finished(&garment(vec![grid(DVec2::ZERO, [60, 40], flat)]), &SIZES);
+    assert_eq!(added(&finished.garment), [[300, 20], [20, 200], [300, 20], [20, 200]]);
+    for panel in &finished.garment.panels[1..] {
+        assert!(panel.area() > 0.99 * panel.size().x * panel.size().y);
+        let vertices = panel.uv.iter().zip(&panel.draped).zip(&panel.normals);
+        for ((uv, draped), normal) in vertices {
+            // Beyond the border in the pattern, and as far within it on the body.
+            let (within, beyond) = (draped.truncate(), *uv);
+            let inner = within.clamp(DVec2::ZERO, DVec2::new(300.0, 200.0));
+            let border = beyond.clamp(DVec2::ZERO, DVec2::new(300.0, 200.0));
+            let depth = beyond.distance(border);
+            assert!(within.distance(inner) < 1e-9 && within.distance(border) < depth + 0.3, "{uv}");
+            if depth > 0.5 {
+                assert!((draped.z + 2.0 * SIZES.back).abs() < 1e-9 && normal.z < -0.99, "{draped}");
+            } else {
+                assert!((-2.0 * SIZES.back - 1e-9..0.0).contains(&draped.z), "{draped}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tube_has_two_hems_and_one_seam() {
+    let radius = 300.0 / TAU;
+    let tube = |p: DVec2| {
+        let (sin, cos) = (p.x / radius).sin_cos();
+        (DVec3::new(radius * sin, p.y, radius * cos), DVec3::new(sin, 0.0, cos))
+    };
+    let finished = finished(&garment(vec![grid(DVec2::ZERO, [60, 40], tube)]), &SIZES);
+    let mut sizes = added(&finished.garment);
+    sizes.sort_unstable();
+    assert_eq!(sizes, [[5, 200], [5, 200], [300, 20], [300, 20]]);
+    for place in finished.garment.panels[1..].iter().flat_map(|panel| &panel.draped) {
+        let depth = radius - place.x.hypot(place.z);
+        // Chords of 2.5 mm lie up to 0.02 mm within the arc.
+        assert!((0.0..2.0 * SIZES.back + 0.05).contains(&depth), "{depth}");
+    }
+    // Three threads on each hem, and one on each allowance.
+    assert_eq!(finished.threads.len(), 3 + 3 + 1 + 1);
+    for (place, normal) in finished.threads.iter().flatten() {
+        let height = place.x.hypot(place.z) - radius;
+        assert!((-2.0 * SIZES.back - 0.45..SIZES.face + 0.1).contains(&height), "{height}");
+        assert!(normal.dot(*place) > 0.0);
+    }
+}
+
+#[test]
+fn a_narrow_band_that_is_sewn_on_is_doubled() {
+    // Its lower edge lies on the upper edge of the other panel.
+    let band = grid(DVec2::new(0.0, 200.0), [60, 5], flat);
+    let finished = finished(&garment(vec![grid(DVec2::ZERO, [60, 40], flat), band]), &SIZES);
+    let sizes = added(&finished.garment);
+    assert!(sizes.contains(&[300, 25]), "{sizes:?}");
+    assert!(sizes.iter().filter(|size| **size == [300, 5]).count() >= 2, "{sizes:?}");
+}
+
+#[test]
+fn needles_lie_on_the_face_and_go_through() {
+    let finished = finished(&garment(vec![grid(DVec2::ZERO, [60, 40], flat)]), &SIZES);
+    let heights: Vec<f64> = finished.threads[0].iter().map(|(place, _)| place.z).collect();
+    let [low, high] =
+        [f64::min, f64::max].map(|pick| heights.iter().copied().reduce(pick).unwrap());
+    assert!((low + SIZES.back).abs() < 1e-9 && (high - SIZES.face - 0.05).abs() < 1e-9);
+    // A stitch of three points every 2.8 mm.
+    assert_eq!(finished.threads[0].len(), 3 * 107);
+}
+
+#[test]
+fn cloth_without_shape_has_no_edges_to_finish() {
+    let collapsed = grid(DVec2::ZERO, [8, 8], |_| (DVec3::ONE, DVec3::Z));
+    let lost = grid(DVec2::ZERO, [8, 8], |_| (DVec3::NAN, DVec3::NAN));
+    let mut flipped = grid(DVec2::ZERO, [8, 8], flat);
+    flipped.flipped = flipped.triangles.split_off(64);
+    let mut empty = grid(DVec2::ZERO, [8, 8], flat);
+    empty.triangles.clear();
+    let finished = finished(&garment(vec![collapsed, lost, flipped, empty]), &SIZES);
+    for panel in &finished.garment.panels[4..] {
+        assert!(panel.draped.iter().all(|place| place.is_finite()));
+    }
+}
