@@ -9,7 +9,7 @@ sides() { knit swatch --fabric "$1" --wales 8 --courses 9 --view "$2" --size 800
 
 knit drape meshes/skirt_flat.obj meshes/skirt_draped.obj --size 1200x900 --spp 16 -o docs/skirt.png
 knit drape meshes/tshirt.obj --fabric tulle-5 --enlarge 5 --body meshes/tshirt_body.obj --loupe off --size 800x600 --spp 16 -o docs/worn.png
-knit drape meshes/tshirt.obj --fabric tulle-5 --loupe off --size 800x600 -o docs/sheer.png
+knit drape meshes/tshirt.obj --fabric tulle-5 --background '#203040' --loupe off --size 800x600 -o docs/sheer.png
 sides locknit front
 sides locknit back
 knit swatch --fabric hex-net-5 --wales 14 --courses 20 --size 800x600 --spp 16 -o docs/net.png

@@ -60,7 +60,7 @@ pub fn drape(
         settings.to_mut().picture.eye = Some((eye - origin, target - origin));
     }
     let settings = &*settings;
-    let area = garment.panels.iter().map(Panel::area).sum();
+    let area = area_of(&garment);
     let outputs = wanted(settings, source);
     check_settings(settings, source, &outputs, sequence.is_some())?;
     let parts = shown(fabric, area, settings, outputs, sequence.is_some())?;
@@ -97,7 +97,7 @@ pub fn drape(
                 cloth,
                 threads: finished.as_ref().map_or(&[], |finished| &finished.threads),
                 options,
-                area,
+                area: area_of(cloth.garment()),
                 source,
                 is_swatch: false,
                 stretched: None,
@@ -157,6 +157,11 @@ pub fn swatch(
         stretched: stretched.clone(),
     };
     Ok(Done { stretched, ..make(&[job], clock)? })
+}
+
+/// Flat area of a garment, mm².
+fn area_of(garment: &Garment) -> f64 {
+    garment.panels.iter().map(Panel::area).sum()
 }
 
 /// Options of a garment's cloth. A picture at true gauge that nobody asked for is not swept: there is

@@ -19,11 +19,11 @@ pub struct InView {
     stretches: Stretches,
 }
 
-/// The draped points of a garment, which cameras frame.
+/// The draped points of a garment's own panels, which cameras frame.
 #[must_use]
 pub fn draped_points(garment: &Garment) -> Vec<Vec3> {
     let mut points = Vec::new();
-    for panel in &garment.panels {
+    for panel in garment.panels.iter().filter(|panel| !panel.is_turned_in) {
         let mut used = vec![false; panel.draped.len()];
         panel.triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
         let places = panel.draped.iter().zip(used).filter(|(_, used)| *used);

@@ -117,8 +117,13 @@ fn fibres_take_their_yarns_place() {
 #[test]
 fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
     let fabric = Fabric::parse(GRID).unwrap();
-    let scene = cloth::swatch(&fabric, 12, 12);
+    let mut scene = cloth::swatch(&fabric, 12, 12);
     let bundles = fibres::bundles(&fabric, fabric.radius(), 0.0045);
+    // A sewing thread has no bundle, and stays whole.
+    let thread = scene.positions[..8].to_vec();
+    scene.looks.push(scene.looks[0]);
+    let look = u16::try_from(scene.looks.len() - 1).unwrap();
+    scene.push_strand(thread.iter().copied(), look);
     let size = [300, 300];
     let camera =
         |zoom: f64| Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, zoom, 1.0);
@@ -157,6 +162,10 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
         strands.iter().map(of).sum()
     };
     assert!(length(&fibres) > length(&yarns));
+    let threads: Vec<_> = yarns.iter().filter(|strand| strand.look == look).collect();
+    assert_eq!(threads.len(), 1);
+    let points = threads[0].points.clone();
+    assert_eq!(near.positions[points.start as usize..points.end as usize], thread);
     let pixel = camera(14.0).pixel_size(camera(14.0).eye().z, size[1]);
     assert!(
         near.looks[scene.looks.len()..]

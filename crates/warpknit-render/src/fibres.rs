@@ -57,7 +57,7 @@ impl NearTest<'_> {
 /// pixel is infinite where no span is near.
 fn near_lengths(yarns: &Scene, test: &NearTest<'_>, looks: usize) -> (Vec<(f64, f64)>, f64) {
     let (mut lengths, mut finest) = (vec![(0.0, 0.0); looks], f64::INFINITY);
-    for strand in &yarns.strands {
+    for strand in yarns.strands.iter().filter(|strand| usize::from(strand.look) < looks) {
         let (look, points) = (usize::from(strand.look), controls(yarns, strand));
         for ends in points.windows(2).filter(|ends| ends.iter().any(|point| test.is_near(point))) {
             lengths[look].0 += ends[0].distance(ends[1]);
@@ -79,8 +79,8 @@ fn controls(scene: &Scene, strand: &SceneStrand) -> Vec<DVec3> {
 /// A scene whose yarns are fibres wherever the camera sees them at least `near` pixels wide, or
 /// nothing where no yarn is that wide.
 ///
-/// `bundles` has a bundle for each look, whose fibres may be drawn thicker. The last numbers are
-/// the picture's width and height in pixels.
+/// `bundles` has a bundle for each look, whose fibres may be drawn thicker. Looks after them are drawn
+/// whole: sewing threads. The last numbers are the picture's width and height in pixels.
 #[must_use]
 pub fn scene(
     yarns: &Scene,
@@ -111,20 +111,22 @@ pub fn scene(
     };
     // Second pass: each strand is split into runs of near and far spans.
     for strand in &yarns.strands {
-        let (look, points) = (usize::from(strand.look), controls(yarns, strand));
-        let bundle = &drawn[look];
-        let near_spans: Vec<bool> =
-            points.windows(2).map(|ends| ends.iter().any(|point| test.is_near(point))).collect();
+        let points = controls(yarns, strand);
+        let bundle = drawn.get(usize::from(strand.look));
+        let is_near =
+            |ends: &[DVec3]| bundle.is_some() && ends.iter().any(|point| test.is_near(point));
+        let near_spans: Vec<bool> = points.windows(2).map(is_near).collect();
         // The axis is that of the whole strand: the frame at a span depends on all spans before it,
         // so fibres would jump from picture to picture if it began where the picture does.
-        let axis =
-            near_spans.contains(&true).then(|| Axis::through(&points, bundle.points_per_mm()));
+        let near_bundle = bundle.filter(|_| near_spans.contains(&true));
+        let fibrous =
+            near_bundle.map(|bundle| (bundle, Axis::through(&points, bundle.points_per_mm())));
         let mut first = 0;
         for run in near_spans.chunk_by(|a, b| a == b) {
             let spans = first..first + run.len();
             first = spans.end;
-            match axis.as_ref().filter(|_| run[0]) {
-                Some(axis) => {
+            match fibrous.as_ref().filter(|_| run[0]) {
+                Some((bundle, axis)) => {
                     let look = strand.look + index16(yarns.looks.len());
                     for_each_fibre(bundle, axis, spans, u64::from(strand.yarn), &mut |fibre| {
                         fibres.push_strand(fibre.iter().copied(), look);

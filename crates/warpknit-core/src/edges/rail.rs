@@ -18,6 +18,8 @@ use crate::number::double;
 
 /// Distance between places along the rail at most, mm.
 const SPACING: f64 = 2.5;
+/// Places on one edge at most: those of 250 m.
+const MOST_STEPS: f64 = 1e5;
 /// Smallest cosine between the way across a run and the border at its end. Where it is smaller, the
 /// corner is too sharp for cloth that follows that border.
 const UPRIGHT: f64 = 0.5;
@@ -109,8 +111,9 @@ impl Rail {
     /// The station at a length of border, between two of its own.
     pub(super) fn at(&self, along: f64) -> Option<Station> {
         let after = self.stations.partition_point(|station| station.along < along);
-        let after = after.clamp(1, self.stations.len().checked_sub(1)?);
-        let [a, b] = [self.stations.get(after - 1)?, self.stations.get(after)?];
+        let last = self.stations.len().checked_sub(1)?;
+        let after = after.max(1).min(last);
+        let [a, b] = [self.stations.get(after.checked_sub(1)?)?, self.stations.get(after)?];
         let share = ((along - a.along) / (b.along - a.along)).clamp(0.0, 1.0);
         Some(Station {
             along,
@@ -146,7 +149,7 @@ fn along(panel: &Panel, run: &Run) -> Vec<Station> {
     let mut stations = Vec::new();
     let mut length = 0.0;
     for (number, &[a, b]) in edges.iter().enumerate() {
-        let steps = (a.distance(b) / SPACING).ceil().max(1.0);
+        let steps = (a.distance(b) / SPACING).ceil().clamp(1.0, MOST_STEPS);
         let ways = [joint(number), joint(number + 1)];
         let first = if number == 0 { 0.0 } else { 1.0 };
         let mut step = first;
