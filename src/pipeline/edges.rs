@@ -54,7 +54,8 @@ pub(super) fn thread_look(looks: &[YarnLook]) -> Option<YarnLook> {
 
 /// Adds threads to a scene whose last look is theirs.
 pub(super) fn add_to(scene: &mut Scene, threads: &[Thread]) {
-    let look = u16::try_from(scene.looks.len().saturating_sub(1)).expect("some tens of looks");
+    let look = u16::try_from(scene.looks.len().saturating_sub(1))
+        .expect("a fabric has a hundred bars at most");
     for (number, thread) in (0..).zip(threads) {
         let points = thread.iter().map(|(place, normal)| (place.as_vec3(), normal.as_vec3()));
         // One stitch begins at each point: a thread has no loops that share a number of segments.

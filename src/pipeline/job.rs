@@ -32,7 +32,7 @@ pub(super) struct Job<'a> {
     pub(super) part: Option<(Tile, Cloth<'a>)>,
     /// Options of laying the yarns of pictures.
     pub(super) options: DrapeOptions,
-    /// Flat area that is knitted, mm².
+    /// Flat area that is knitted, mm², with cloth that finished edges turn in.
     pub(super) area: f64,
     pub(super) source: &'a Source,
     /// Whether it is a swatch. A swatch has no body, and its numbers are always measured at the end.

@@ -65,8 +65,11 @@ pub fn drape(
     check_settings(settings, source, &outputs, sequence.is_some())?;
     let parts = shown(fabric, area, settings, outputs, sequence.is_some())?;
     let parts: Vec<_> = edges::divided(parts, settings.picture.edges).collect();
+    let misfit =
+        |source_error| RunError::Layout { fabric: source.fabric.clone(), source: source_error };
     let finished = parts.iter().map(|(part, has_edges)| {
         let radius = drawn_radius(&part.fabric, settings.radius)?;
+        Cloth::check_sizes(&garment, &part.fabric).map_err(misfit)?;
         let pattern = relaxed(&part.fabric, &mut clock);
         let finished = has_edges.then(|| edges::finish(&garment, &pattern, radius));
         Ok::<_, RunError>((pattern, finished))
@@ -74,8 +77,7 @@ pub fn drape(
     let finished = finished.collect::<Result<Vec<_>, _>>()?;
     let cloths = parts.iter().zip(&finished).map(|((part, _), (pattern, finished))| {
         let garment = finished.as_ref().map_or(&garment, |finished| &finished.garment);
-        Cloth::cover_with(garment, &part.fabric, pattern.clone())
-            .map_err(|error| RunError::Layout { fabric: source.fabric.clone(), source: error })
+        Cloth::cover_with(garment, &part.fabric, pattern.clone()).map_err(misfit)
     });
     let cloths = cloths.collect::<Result<Vec<_>, _>>()?;
     let jobs: Vec<_> = parts

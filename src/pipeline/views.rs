@@ -23,7 +23,7 @@ pub struct InView {
 #[must_use]
 pub fn draped_points(garment: &Garment) -> Vec<Vec3> {
     let mut points = Vec::new();
-    for panel in garment.panels.iter().filter(|panel| !panel.is_turned_in) {
+    for panel in garment.panels.iter().filter(|panel| panel.turned_in.is_none()) {
         let mut used = vec![false; panel.draped.len()];
         panel.triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
         let places = panel.draped.iter().zip(used).filter(|(_, used)| *used);

@@ -48,7 +48,7 @@ fn panel(uv: Vec<DVec2>, triangles: Vec<[u32; 3]>) -> Panel {
         flipped: Vec::new(),
         flat_from_panel: DAffine3::IDENTITY,
         mirrored: false,
-        is_turned_in: false,
+        turned_in: None,
     }
 }
 

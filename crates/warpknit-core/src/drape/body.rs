@@ -39,7 +39,7 @@ impl<'a> Body<'a> {
             // Cloth that edges turn in is hidden, and bends sharply where it is folded.
             let panels = garment.panels.par_iter().zip(&surfaces);
             let strains = panels
-                .filter(|(panel, _)| !panel.is_turned_in)
+                .filter(|(panel, _)| panel.turned_in.is_none())
                 .flat_map(|(panel, surface)| StrainedPanel { panel, surface, table }.strains());
             table.prepare(strains, progress);
             (table, surfaces)
@@ -48,9 +48,10 @@ impl<'a> Body<'a> {
         Self { garment, mapping, relaxed, spans }
     }
 
-    /// What sweeps need to know of the repeat. Nothing if yarns are not swept.
-    pub(super) fn swept(&self) -> Option<&RepeatSpans> {
-        self.spans.as_ref()
+    /// What sweeps of a panel need to know of the repeat. Nothing if its yarns are not swept.
+    pub(super) fn swept(&self, panel: usize) -> Option<&RepeatSpans> {
+        let is_own = self.garment.panels.get(panel).is_some_and(|panel| panel.turned_in.is_none());
+        self.spans.as_ref().filter(|_| is_own)
     }
 
     /// Maps the strands of a block on one panel.
@@ -62,9 +63,9 @@ impl<'a> Body<'a> {
         draped: &mut Draped,
     ) -> StrainCounts {
         let mesh = &self.garment.panels[panel];
-        let relaxed = self.relaxed.as_ref().filter(|_| !mesh.is_turned_in);
+        let relaxed = self.relaxed.as_ref().filter(|_| mesh.turned_in.is_none());
         let Some((table, surfaces)) = relaxed else {
-            let mapping = if mesh.is_turned_in { Mapping::Smooth } else { self.mapping };
+            let mapping = if mesh.turned_in.is_some() { Mapping::Smooth } else { self.mapping };
             map_into(mesh, &strands.flat, &strands.located, mapping, draped);
             return StrainCounts::default();
         };

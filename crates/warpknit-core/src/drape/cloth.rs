@@ -122,6 +122,21 @@ impl<'a> Cloth<'a> {
         Self::cover_with(garment, fabric, Pattern::new(fabric))
     }
 
+    /// Refuses panels that would take more stitches than any garment has.
+    ///
+    /// # Errors
+    /// [`LayoutError::TooLarge`].
+    pub fn check_sizes(garment: &Garment, fabric: &Fabric) -> Result<(), LayoutError> {
+        for (panel, size) in garment.panels.iter().map(Panel::size).enumerate() {
+            if size.x > MAX_SPACINGS * fabric.wale_spacing()
+                || size.y > MAX_SPACINGS * fabric.course_spacing()
+            {
+                return Err(LayoutError::TooLarge { panel, width: size.x, height: size.y });
+            }
+        }
+        Ok(())
+    }
+
     /// The same with a repeat of the fabric that is knitted already.
     ///
     /// # Errors
@@ -131,23 +146,23 @@ impl<'a> Cloth<'a> {
         fabric: &Fabric,
         pattern: Pattern,
     ) -> Result<Self, LayoutError> {
-        for (panel, size) in garment.panels.iter().map(Panel::size).enumerate() {
-            if size.x > MAX_SPACINGS * fabric.wale_spacing()
-                || size.y > MAX_SPACINGS * fabric.course_spacing()
-            {
-                return Err(LayoutError::TooLarge { panel, width: size.x, height: size.y });
-            }
-        }
-        let own = garment.panels.iter().filter(|panel| !panel.is_turned_in);
+        Self::check_sizes(garment, fabric)?;
+        let own = garment.panels.iter().filter(|panel| panel.turned_in.is_none());
         let last = own.count().saturating_sub(1);
         if let Some(layout) = fabric.panels.iter().find(|layout| layout.panel > last) {
             return Err(LayoutError::NoPanel { panel: layout.panel, last });
         }
-        let origins = garment
-            .panels
-            .iter()
-            .enumerate()
-            .map(|(at, panel)| panel.bounds()[0] + layout_offset(fabric, at));
+        let corner = |panel: &Panel| panel.bounds()[0];
+        let origins = garment.panels.iter().enumerate().map(|(at, panel)| {
+            match panel.turned_in.and_then(|at| garment.panels.get(at).zip(Some(at))) {
+                None => corner(panel) + layout_offset(fabric, at),
+                // Cloth that is turned in goes on where its panel ends.
+                Some((front, at)) => {
+                    let origin = corner(front) + layout_offset(fabric, at) - corner(panel);
+                    corner(panel) - (-origin).rem_euclid(repeat_of(fabric))
+                }
+            }
+        });
         let meshes = origins.map(|origin| StructureMesh::anchored_at(fabric, origin)).collect();
         let mut cloth = Self::without_yarns(garment, fabric, pattern, meshes);
         for panel in 0..garment.panels.len() {
@@ -321,6 +336,12 @@ impl<'a> Cloth<'a> {
         self.own_blocks().map(|block| block.yarns.len()).sum()
     }
 
+    /// Where wale 0 and course 0 of each panel begin, in its axes, mm.
+    #[cfg(test)]
+    pub(crate) fn origins(&self) -> impl Iterator<Item = DVec2> {
+        self.meshes.iter().map(|mesh| mesh.origin)
+    }
+
     /// The garment that the cloth covers.
     #[must_use]
     pub fn garment(&self) -> &'a Garment {
@@ -386,16 +407,20 @@ pub(super) fn along_yarns(p: DVec2, across: bool) -> DVec2 {
 /// The layout's origin is moved by whole repeats until it lies at the corner, or to the left of it
 /// and below it. Then wales and courses count from 0 on, as they do without an origin.
 fn layout_offset(fabric: &Fabric, panel: usize) -> DVec2 {
-    let repeat = DVec2::new(
-        f64::from(index32(fabric.threading_repeat())) * fabric.wale_spacing(),
-        f64::from(index32(fabric.repeat())) * fabric.course_spacing(),
-    );
     let origin = fabric
         .panels
         .iter()
         .find(|layout| layout.panel == panel)
         .map_or(DVec2::ZERO, |layout| layout.origin);
-    -(-origin).rem_euclid(repeat)
+    -(-origin).rem_euclid(repeat_of(fabric))
+}
+
+/// Width and height of the repeat, with that of the threading, mm.
+fn repeat_of(fabric: &Fabric) -> DVec2 {
+    DVec2::new(
+        f64::from(index32(fabric.threading_repeat())) * fabric.wale_spacing(),
+        f64::from(index32(fabric.repeat())) * fabric.course_spacing(),
+    )
 }
 
 /// The panel of a swatch. It is as large as the swatch's structure mesh, including auxiliary

@@ -217,7 +217,8 @@ fn map_blocks(
 ) -> StrainCounts {
     announce(Stage::Map);
     blocks.par_iter_mut().for_each(|block| block.map(body));
-    if let Some(spans) = body.swept() {
+    let panel = blocks.first().map_or(0, |block| block.panel);
+    if let Some(spans) = body.swept(panel) {
         announce(Stage::Sweep);
         sweeps::sweep(blocks, spans);
     }

@@ -10,11 +10,13 @@ use glam::{DVec2, DVec3};
 
 use super::rail::{Place, Rail, Sheet, Station};
 use crate::garment::Panel;
-use crate::ids::index32;
+use crate::ids::{FaceId, index32};
 use crate::number::{double, whole_f64};
 
 /// Distance between rows of vertices at most, mm.
 const ROW: f64 = 2.5;
+/// Distance from the border of the places at the fold, mm.
+const WITHIN: f64 = 1e-3;
 /// Smallest flat area of a triangle, mm². On tight bends the pattern folds over itself; what lies there
 /// is left out.
 const SMALLEST: f64 = 1e-4;
@@ -25,11 +27,10 @@ struct Vertex {
     uv: DVec2,
     draped: DVec3,
     normal: DVec3,
-    /// The triangle of the panel that it lies behind.
-    behind: u32,
 }
 
-/// The band behind a panel, `gap` mm away, and `depths` mm wide. `None` where nothing of it is left.
+/// The band behind a sheet's panel, `gap` mm away, and `depths` mm wide. `None` where nothing of it is
+/// left.
 pub(super) fn band(sheet: &Sheet<'_>, rail: &Rail, depths: &[f64], gap: f64) -> Option<Panel> {
     let deepest = depths.iter().copied().fold(0.0, f64::max);
     let rows = whole_f64((deepest / ROW).ceil()).max(2);
@@ -37,7 +38,7 @@ pub(super) fn band(sheet: &Sheet<'_>, rail: &Rail, depths: &[f64], gap: f64) -> 
     let vertices: Vec<Vec<Option<Vertex>>> = columns
         .map(|(station, &depth)| column(sheet, rail.triangle, station, (depth, gap), rows))
         .collect();
-    let mut band = Bands { panel: empty(sheet.panel), numbers: Vec::new(), rows: rows + 1 };
+    let mut band = Band { panel: empty(sheet), numbers: Vec::new(), rows: rows + 1 };
     band.numbers.resize(vertices.len() * band.rows, None);
     for (column, sides) in vertices.windows(2).enumerate() {
         for row in 0..rows {
@@ -48,7 +49,7 @@ pub(super) fn band(sheet: &Sheet<'_>, rail: &Rail, depths: &[f64], gap: f64) -> 
             let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
             for triangle in [[a, d, c], [a, c, b]] {
                 if let [Some(p), Some(q), Some(r)] = triangle {
-                    band.add([p, q, r], sheet.panel);
+                    band.add([p, q, r]);
                 }
             }
         }
@@ -73,20 +74,16 @@ fn column(
     let vertex = |row: usize| {
         let share = double(row.saturating_sub(1)) / double(rows - 1);
         let deep = if row == 0 { 0.0 } else { round + (depth - round) * share };
-        let place = sheet.at(station.flat + station.inward * deep, triangle)?;
-        let behind = place.at.triangle;
+        // Half of the places on a slanted border are rounded off the panel.
+        let within = station.flat + station.inward * deep.max(WITHIN);
+        let place = sheet.at(within, triangle)?;
         let uv = station.flat + station.outward * deep;
         if row == 0 {
             let normal = out_of_edge(sheet, triangle, station, &place, round)?;
-            return Some(Vertex {
-                uv,
-                draped: place.draped - place.normal * (gap / 2.0),
-                normal,
-                behind,
-            });
+            return Some(Vertex { uv, draped: place.draped - place.normal * (gap / 2.0), normal });
         }
         let draped = place.draped - place.normal * gap;
-        Some(Vertex { uv, draped, normal: -place.normal, behind })
+        Some(Vertex { uv, draped, normal: -place.normal })
     };
     (0..=rows).map(vertex).collect()
 }
@@ -103,8 +100,9 @@ fn out_of_edge(
     Some((edge.draped - inner.draped).normalize_or(-edge.normal))
 }
 
-/// A panel without cloth, with the axes of another.
-fn empty(panel: &Panel) -> Panel {
+/// A panel without cloth behind that of a sheet.
+fn empty(sheet: &Sheet<'_>) -> Panel {
+    let panel = sheet.panel;
     Panel {
         uv: Vec::new(),
         draped: Vec::new(),
@@ -114,12 +112,12 @@ fn empty(panel: &Panel) -> Panel {
         flipped: Vec::new(),
         flat_from_panel: panel.flat_from_panel,
         mirrored: panel.mirrored,
-        is_turned_in: true,
+        turned_in: Some(sheet.number),
     }
 }
 
 /// A band that grows triangle by triangle.
-struct Bands {
+struct Band {
     panel: Panel,
     /// The number of each vertex in the panel, once it is used.
     numbers: Vec<Option<u32>>,
@@ -127,16 +125,17 @@ struct Bands {
     rows: usize,
 }
 
-impl Bands {
+impl Band {
     /// Adds a triangle of vertices, each with its place among all, if it has area.
-    fn add(&mut self, corners: [(usize, Vertex); 3], behind: &Panel) {
+    fn add(&mut self, corners: [(usize, Vertex); 3]) {
         let [a, b, c] = corners.map(|(_, vertex)| vertex.uv);
         if (b - a).perp_dot(c - a) < 2.0 * SMALLEST {
             return;
         }
         let triangle = corners.map(|(place, vertex)| self.number(place, &vertex));
+        // No file has these faces. Their numbers give the triangles an order.
+        self.panel.faces.push(FaceId(index32(self.panel.triangles.len())));
         self.panel.triangles.push(triangle);
-        self.panel.faces.push(behind.faces[corners[0].1.behind as usize]);
     }
 
     fn number(&mut self, place: usize, vertex: &Vertex) -> u32 {

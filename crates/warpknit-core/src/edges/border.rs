@@ -3,11 +3,13 @@
 //! In: the panels of a garment, each with its [`Locator`]. Out: [`Run`]s, stretches of border that are
 //! sewn or open along their whole length and have no corner inside.
 //!
+//! Borders without area, such as slits along defects, and small holes are left out.
+//!
 //! Method: an edge is sewn if its middle lies on the border of another panel, or on a part of its own
 //! panel's border that is far from it in the flat pattern. Segments of border are looked up in a grid.
 //!
 //! Cost: linear in the border's edges. Not promised: that edges which lie on each other by chance are
-//! told from sewn ones.
+//! distinguished from sewn ones.
 
 use std::collections::{HashMap, HashSet};
 
@@ -17,7 +19,8 @@ use crate::garment::Panel;
 use crate::locate::Locator;
 use crate::number::double;
 
-/// Distance up to which borders count as sewn, mm. Simulations leave gaps of some tenths.
+/// Distance up to which borders count as sewn, mm. Simulations leave gaps of some tenths. Layers of
+/// cloth, which lie farther apart, must not count as sewn.
 const SEWN: f64 = 2.0;
 /// Distance in the flat pattern from which on two parts of one border may be sewn, mm. Nearer ones are
 /// neighbours on a bend.
@@ -25,6 +28,10 @@ const FAR: f64 = 20.0;
 /// Cosine of the largest turn of a run, 40 degrees. At a larger one the run ends, as at the corner of
 /// a placket.
 const STRAIGHT: f64 = 0.766;
+/// Length up to which the border of a hole is left raw, mm: a buttonhole.
+const HOLE: f64 = 100.0;
+/// Mean width up to which what a border encloses is a slit, mm.
+const SLIT: f64 = 0.5;
 /// Length of open border that counts as sewn if both its neighbours are, mm: the tip of a dart.
 const SHORTEST: f64 = 15.0;
 
@@ -34,6 +41,8 @@ struct BorderEdge {
     ends: [u32; 2],
     triangle: u32,
     is_sewn: bool,
+    /// Whether cloth that can't be knitted goes on behind it.
+    is_lost: bool,
 }
 
 /// A stretch of border.
@@ -68,10 +77,8 @@ pub(super) fn runs(panels: &[Panel], locators: &[Locator<'_>]) -> Vec<Vec<Run>> 
 /// The closed curves of a panel's border. One that defects leave open is left out.
 fn loops(panel: &Panel, locator: &Locator<'_>) -> Vec<Vec<BorderEdge>> {
     let mut border = locator.border();
-    // Cloth goes on behind an edge that a flipped triangle shares.
     let sides = panel.flipped.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
     let defects: HashSet<[u32; 2]> = sides.flat_map(|[a, b]| [[a, b], [b, a]]).collect();
-    border.retain(|(ends, _)| !defects.contains(ends));
     border.sort_unstable();
     let mut is_used = vec![false; border.len()];
     let mut loops = Vec::new();
@@ -80,7 +87,8 @@ fn loops(panel: &Panel, locator: &Locator<'_>) -> Vec<Vec<BorderEdge>> {
         while !is_used[at] {
             is_used[at] = true;
             let (ends, triangle) = border[at];
-            edges.push(BorderEdge { ends, triangle, is_sewn: false });
+            let is_lost = defects.contains(&ends);
+            edges.push(BorderEdge { ends, triangle, is_sewn: false, is_lost });
             // Where borders meet in one vertex, the first edge that is free goes on.
             let from = border.partition_point(|(edge, _)| edge[0] < ends[1]);
             let next = (from..border.len()).take_while(|&next| border[next].0[0] == ends[1]);
@@ -90,11 +98,23 @@ fn loops(panel: &Panel, locator: &Locator<'_>) -> Vec<Vec<BorderEdge>> {
             [first, .., last] => first.ends[0] == last.ends[1],
             _ => false,
         };
-        if is_closed(&edges) {
+        if is_closed(&edges) && encloses_cloth(panel, &edges) {
             loops.push(edges);
         }
     }
     loops
+}
+
+/// Whether a closed border has an edge to finish: neither a slit nor a small hole.
+fn encloses_cloth(panel: &Panel, edges: &[BorderEdge]) -> bool {
+    let (mut twice_area, mut length) = (0.0, 0.0);
+    for edge in edges {
+        let [a, b] = edge.ends.map(|vertex| panel.uv[vertex as usize]);
+        twice_area += a.perp_dot(b);
+        length += a.distance(b);
+    }
+    let is_hole = twice_area < 0.0;
+    f64::abs(twice_area) > SLIT * length && !(is_hole && length < HOLE)
 }
 
 /// A segment of border.
@@ -162,16 +182,20 @@ impl Segment {
 
     /// Distance of a draped place.
     fn distance(&self, place: DVec3) -> f64 {
-        let [a, b] = self.draped;
-        let share = (place - a).dot(b - a) / (b - a).length_squared();
-        // A segment without length gives no number, and counts as its first end.
-        place.distance(a.lerp(b, share.max(0.0).min(1.0)))
+        from_segment(place, self.draped)
     }
 
-    /// Distance of a flat place from its nearer end.
+    /// Distance of a flat place.
     fn flat_distance(&self, place: DVec2) -> f64 {
-        self.flat.iter().map(|end| end.distance(place)).fold(f64::INFINITY, f64::min)
+        from_segment(place.extend(0.0), self.flat.map(|end| end.extend(0.0)))
     }
+}
+
+/// Distance of a place from a segment.
+pub(super) fn from_segment(place: DVec3, [a, b]: [DVec3; 2]) -> f64 {
+    let share = (place - a).dot(b - a) / (b - a).length_squared();
+    // A segment without length gives no number, and counts as its first end.
+    place.distance(a.lerp(b, share.max(0.0).min(1.0)))
 }
 
 /// The cell of a place.
@@ -198,14 +222,17 @@ fn cut(panel: &Panel, edges: &[BorderEdge]) -> Vec<Run> {
     let count = edges.len();
     let before = |at: usize| &edges[(at + count - 1) % count];
     let is_cut = |at: usize| {
-        edges[at].is_sewn != before(at).is_sewn || way(&edges[at]).dot(way(before(at))) < STRAIGHT
+        edges[at].is_sewn != before(at).is_sewn
+            || edges[at].is_lost != before(at).is_lost
+            || way(&edges[at]).dot(way(before(at))) < STRAIGHT
     };
     let cuts: Vec<usize> = (0..count).filter(|&at| is_cut(at)).collect();
     let Some(&first) = cuts.first() else {
         return vec![run(&edges, 0..count, None)];
     };
     let ends = cuts.iter().skip(1).copied().chain([first + count]);
-    let runs = cuts.iter().zip(ends).map(|(&start, end)| {
+    let kept = cuts.iter().zip(ends).filter(|(start, _)| !edges[**start].is_lost);
+    let runs = kept.map(|(&start, end)| {
         let beyond = [before(start).ends[0], edges[end % count].ends[1]];
         run(&edges, start..end, Some(beyond))
     });

@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 
 use super::border::Run;
 use crate::garment::Panel;
-use crate::locate::{Locator, SurfacePoint};
+use crate::locate::Locator;
 use crate::map::surface::{SmoothSurface, part_of};
 use crate::number::double;
 
@@ -31,6 +31,8 @@ const HALVINGS: usize = 8;
 
 /// A draped panel on which any flat place can be found.
 pub(super) struct Sheet<'a> {
+    /// The panel's number in its garment.
+    pub(super) number: usize,
     pub(super) panel: &'a Panel,
     locator: &'a Locator<'a>,
     surface: SmoothSurface,
@@ -39,7 +41,6 @@ pub(super) struct Sheet<'a> {
 /// A place of a draped panel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
-    pub(super) at: SurfacePoint,
     /// mm.
     pub(super) draped: DVec3,
     /// Unit normal out of the technical face.
@@ -69,8 +70,8 @@ pub(super) struct Rail {
 }
 
 impl<'a> Sheet<'a> {
-    pub(super) fn new(panel: &'a Panel, locator: &'a Locator<'a>) -> Self {
-        Self { panel, locator, surface: SmoothSurface::new(panel) }
+    pub(super) fn new(number: usize, panel: &'a Panel, locator: &'a Locator<'a>) -> Self {
+        Self { number, panel, locator, surface: SmoothSurface::new(panel) }
     }
 
     /// The place at flat coordinates, near the triangle `hint`. `None` off the panel.
@@ -80,7 +81,7 @@ impl<'a> Sheet<'a> {
         let frame = patch.part(part_of(at.b, at.c)).at([at.b], [at.c]);
         let [draped, normal] =
             [frame.place, frame.normal].map(|[x, y, z]| DVec3::new(x[0], y[0], z[0]));
-        (draped.is_finite() && normal.is_finite()).then_some(Place { at, draped, normal })
+        (draped.is_finite() && normal.is_finite()).then_some(Place { draped, normal })
     }
 }
 
@@ -135,7 +136,8 @@ fn along(panel: &Panel, run: &Run) -> Vec<Station> {
     let at_corner = |one: usize, next: usize| {
         let sum = across(edges[one]) + across(edges[next]);
         let middle = sum.normalize();
-        // Longer where the run bends, so that depths are those from both edges.
+        // Longer where the run bends, so that depths are those from both edges. Runs turn by under 40
+        // degrees at a time, so this divides by no small number.
         middle / middle.dot(across(edges[one]))
     };
     let last = edges.len().saturating_sub(1);
@@ -189,7 +191,7 @@ fn turn_ends(panel: &Panel, run: &Run, turning: f64, stations: &mut [Station]) {
             if share > 0.0 {
                 // Sideways alone, so that depths stay.
                 let sideways = onward * (slant * share);
-                station.outward = sideways - station.inward;
+                station.outward += sideways;
                 station.inward += sideways;
             }
         }

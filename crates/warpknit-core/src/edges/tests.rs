@@ -33,7 +33,7 @@ fn grid(low: DVec2, [columns, rows]: [usize; 2], drape: impl Fn(DVec2) -> (DVec3
         flipped: Vec::new(),
         flat_from_panel: DAffine3::IDENTITY,
         mirrored: false,
-        is_turned_in: false,
+        turned_in: None,
     }
 }
 
@@ -47,7 +47,7 @@ fn garment(panels: Vec<Panel>) -> Garment {
 
 /// Width and height of the panels that were added.
 fn added(garment: &Garment) -> Vec<[i64; 2]> {
-    let panels = garment.panels.iter().filter(|panel| panel.is_turned_in);
+    let panels = garment.panels.iter().filter(|panel| panel.turned_in.is_some());
     #[expect(clippy::cast_possible_truncation, reason = "some hundred millimetres")]
     panels.map(|panel| panel.size().to_array().map(|side| side.round() as i64)).collect()
 }
@@ -121,6 +121,91 @@ fn needles_lie_on_the_face_and_go_through() {
     assert_eq!(finished.threads[0].len(), 3 * 107);
 }
 
+/// A sheet of two triangles.
+fn sheet(corners: [[f64; 2]; 4]) -> Panel {
+    let uv = corners.map(DVec2::from).to_vec();
+    let draped = uv.iter().map(|p| p.extend(0.0)).collect();
+    Panel { uv, draped, ..Garment::rectangle(1.0, 1.0).panels.remove(0) }
+}
+
+#[test]
+fn long_edges_are_not_sewn_to_themselves() {
+    for side in [60.0, 300.0] {
+        let square = sheet([[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]]);
+        let finished = finished(&garment(vec![square]), &SIZES);
+        assert_eq!((finished.garment.panels.len(), finished.threads.len()), (5, 12), "{side}");
+    }
+}
+
+#[test]
+fn slanted_edges_turn_in_as_much_cloth_as_straight_ones() {
+    let (sin, cos) = 0.53_f64.sin_cos();
+    let turned = |x: f64, y: f64| [x * cos - y * sin, x * sin + y * cos];
+    let corners = [turned(0.0, 0.0), turned(300.0, 0.0), turned(300.0, 200.0), turned(0.0, 200.0)];
+    let finished = finished(&garment(vec![sheet(corners)]), &SIZES);
+    let areas = finished.garment.panels[1..].iter().map(Panel::area);
+    for (area, length) in areas.zip([300.0, 200.0, 300.0, 200.0]) {
+        assert!((area / (20.0 * length) - 1.0).abs() < 0.002, "{area} of {length}");
+    }
+}
+
+#[test]
+fn short_runs_between_slanted_borders_keep_their_lengths() {
+    // A parallelogram with sides of 30 mm, shorter than the turns at their two ends.
+    let tab = sheet([[0.0, 0.0], [30.0, 0.0], [90.0, 150.0], [60.0, 150.0]]);
+    let finished = finished(&garment(vec![tab]), &SIZES);
+    for panel in &finished.garment.panels[1..] {
+        for &[a, b, c] in &panel.triangles {
+            let [a, b, c] = [a, b, c].map(|vertex| vertex as usize);
+            let area = (panel.uv[b] - panel.uv[a]).perp_dot(panel.uv[c] - panel.uv[a]);
+            let [p, q, r] = [a, b, c].map(|vertex| panel.draped[vertex].truncate());
+            let draped = (q - p).perp_dot(r - p).abs();
+            // At the fold the drape is a quarter turn.
+            let is_fold = [a, b, c].iter().any(|&vertex| panel.draped[vertex].z > -0.3);
+            assert!(is_fold || (draped / area - 1.0).abs() < 0.01, "{draped} of {area}");
+        }
+    }
+}
+
+#[test]
+fn slits_and_small_holes_stay_raw_and_large_ones_are_hemmed() {
+    let hole = |cells: std::ops::Range<usize>, drop: fn(usize) -> bool| {
+        let mut panel = grid(DVec2::ZERO, [60, 40], flat);
+        let is_in = |cell: usize| cells.contains(&(cell % 60)) && cells.contains(&(cell / 60));
+        let kept = (0..panel.triangles.len()).filter(|at| !(is_in(at / 2) && drop(*at)));
+        panel.triangles = kept.map(|at| panel.triangles[at]).collect();
+        panel.faces.truncate(panel.triangles.len());
+        finished(&garment(vec![panel]), &SIZES).garment.panels.len() - 1
+    };
+    assert_eq!(hole(20..22, |_| true), 4);
+    assert_eq!(hole(10..30, |_| true), 4 + 4);
+    // The border of a flipped triangle at the edge is left out, and the rest is hemmed.
+    let mut panel = grid(DVec2::ZERO, [60, 40], flat);
+    let lost = panel.triangles.swap_remove(0);
+    panel.flipped.push(lost);
+    panel.faces.pop();
+    let finished = finished(&garment(vec![panel]), &SIZES);
+    assert!(finished.garment.panels.len() > 4 && finished.threads.len() >= 12);
+}
+
+#[test]
+fn wales_go_on_round_the_fold() {
+    let fabric = crate::fabric::Fabric::named("tricot").unwrap();
+    // Sides that are no whole numbers of wales and courses.
+    let panel = sheet([[0.3, 0.1], [200.0, 0.1], [200.0, 150.0], [0.3, 150.0]]);
+    let finished = finished(&garment(vec![panel]), &SIZES);
+    let cloth = crate::drape::Cloth::cover(&finished.garment, &fabric).unwrap();
+    let origins: Vec<DVec2> = cloth.origins().collect();
+    let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+    for (origin, panel) in origins.iter().zip(&finished.garment.panels) {
+        let off = (*origin - origins[0]) / spacing;
+        assert!((off - off.round()).abs().max_element() < 1e-9, "{off}");
+        // Not right of and above where the first panel's fabric begins.
+        let before = origins[0] - finished.garment.panels[0].bounds()[0];
+        assert!((*origin - panel.bounds()[0]).cmple(before + 1e-9).all());
+    }
+}
+
 #[test]
 fn cloth_without_shape_has_no_edges_to_finish() {
     let collapsed = grid(DVec2::ZERO, [8, 8], |_| (DVec3::ONE, DVec3::Z));
@@ -129,8 +214,10 @@ fn cloth_without_shape_has_no_edges_to_finish() {
     flipped.flipped = flipped.triangles.split_off(64);
     let mut empty = grid(DVec2::ZERO, [8, 8], flat);
     empty.triangles.clear();
-    let finished = finished(&garment(vec![collapsed, lost, flipped, empty]), &SIZES);
-    for panel in &finished.garment.panels[4..] {
+    let finished = finished(&garment(vec![lost, empty]), &SIZES);
+    assert_eq!((finished.garment.panels.len(), finished.threads.len()), (2, 0));
+    let finished = super::finished(&garment(vec![collapsed, flipped]), &SIZES);
+    for panel in &finished.garment.panels[2..] {
         assert!(panel.draped.iter().all(|place| place.is_finite()));
     }
 }

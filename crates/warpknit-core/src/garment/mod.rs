@@ -111,8 +111,9 @@ pub struct Panel {
     pub flat_from_panel: DAffine3,
     /// Whether the flat piece lies mirrored (clockwise) in its own plane.
     pub mirrored: bool,
-    /// Whether it is cloth that a finished edge turns in ([`crate::edges`]) and no panel of the file.
-    pub is_turned_in: bool,
+    /// The panel behind which it lies, if it is cloth that a finished edge turns in
+    /// ([`crate::edges`]). `None` for a panel of the file.
+    pub turned_in: Option<usize>,
 }
 
 /// All panels of a garment, with a summary of what reading found.

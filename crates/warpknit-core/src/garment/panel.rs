@@ -104,7 +104,7 @@ impl Piece {
             flipped: Vec::new(),
             flat_from_panel: DAffine3::from_mat3_translation(axes, origin),
             mirrored: faces_down(self.normal),
-            is_turned_in: false,
+            turned_in: None,
         };
         let left = panel.add_triangles(pairs, self, &corners, options.turn);
         // Placeholders, since reordering moves normals along with the positions.

@@ -21,7 +21,7 @@ impl Garment {
             flipped: Vec::new(),
             flat_from_panel: DAffine3::IDENTITY,
             mirrored: false,
-            is_turned_in: false,
+            turned_in: None,
         };
         Self {
             panels: vec![panel],

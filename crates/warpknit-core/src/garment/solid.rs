@@ -77,7 +77,7 @@ impl Solid {
     #[must_use]
     pub fn lining(garment: &Garment, depth: f64) -> Self {
         let mut lining = Self::default();
-        for panel in garment.panels.iter().filter(|panel| !panel.is_turned_in) {
+        for panel in garment.panels.iter().filter(|panel| panel.turned_in.is_none()) {
             let first = index32(lining.positions.len());
             let places = panel.draped.iter().zip(&panel.normals);
             lining.positions.extend(places.map(|(place, normal)| *place - *normal * depth));
