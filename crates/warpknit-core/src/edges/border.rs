@@ -194,8 +194,8 @@ impl Segment {
 /// Distance of a place from a segment.
 pub(super) fn from_segment(place: DVec3, [a, b]: [DVec3; 2]) -> f64 {
     let share = (place - a).dot(b - a) / (b - a).length_squared();
-    // A segment without length gives no number, and counts as its first end.
-    place.distance(a.lerp(b, share.max(0.0).min(1.0)))
+    // A segment without length gives no number, and is near nothing. Its neighbours are.
+    place.distance(a.lerp(b, share.clamp(0.0, 1.0)))
 }
 
 /// The cell of a place.
