@@ -18,6 +18,7 @@ use glam::{DVec2, DVec3};
 use crate::garment::Panel;
 use crate::locate::Locator;
 use crate::number::double;
+use crate::yarn::curve::nearest_on_segment;
 
 /// Distance up to which borders count as sewn, mm. Simulations leave gaps of some tenths. Layers of
 /// cloth, which lie farther apart, must not count as sewn.
@@ -193,9 +194,7 @@ impl Segment {
 
 /// Distance of a place from a segment.
 pub(super) fn from_segment(place: DVec3, [a, b]: [DVec3; 2]) -> f64 {
-    let share = (place - a).dot(b - a) / (b - a).length_squared();
-    // A segment without length gives no number, and is near nothing. Its neighbours are.
-    place.distance(a.lerp(b, share.clamp(0.0, 1.0)))
+    place.distance(a.lerp(b, nearest_on_segment(a, b - a, place)))
 }
 
 /// The cell of a place.

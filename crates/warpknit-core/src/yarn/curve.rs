@@ -226,7 +226,7 @@ pub fn nearest_of_segments([p, q]: [DVec3; 2], [u, v]: [DVec3; 2]) -> (f64, f64)
 
 /// The parameter, in 0..1, of the point nearest to `point` on the segment from `start` along
 /// `direction`.
-fn nearest_on_segment(start: DVec3, direction: DVec3, point: DVec3) -> f64 {
+pub(crate) fn nearest_on_segment(start: DVec3, direction: DVec3, point: DVec3) -> f64 {
     if direction == DVec3::ZERO {
         return 0.0;
     }
