@@ -221,8 +221,9 @@ fn shade(in: Surface) -> Light {
         let normal = face_eye(normalize(tilted), toward_eye);
         material = Material(normal, texel.albedo, texel.roughness, texel.metallic, sheen);
     } else if SHAPE != RIBBON {
+        // Twist turns by the length of the yarn, however thick the yarn is there.
         let detail = ply_detail(YarnPoint(
-            outward, toward_eye, tangent, around, in.along, in.radius, footprint,
+            outward, toward_eye, tangent, around, in.along, look.radius, footprint,
             look.plies, look.ply_slope, look.fibre_slope,
         ));
         material.normal = detail.normal;

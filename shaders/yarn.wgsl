@@ -143,7 +143,10 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
         let start = normalize(across - tangent * dot(across, tangent));
         out.normal = start * cos(angle) + cross(tangent, start) * sin(angle);
         out.side = 0.0;
-        out.world = centre + out.normal * out.radius;
+        // Corners lie so far out that the polygon hides as much as the circle: both have the same
+        // perimeter, and with it the same mean width (Cauchy).
+        let half = 0.5 * TAU / f32(draw.edges);
+        out.world = centre + out.normal * (out.radius * half / sin(half));
     } else {
         out.side = edge * 2.0 - 1.0;
         // A strip faces the eye. A ribbon lies in the fabric's plane, across its normal.

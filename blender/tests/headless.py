@@ -123,7 +123,7 @@ def check_flat_and_draped():
 
 def refused(words, **settings):
     before = set(bpy.data.objects)
-    for name, value in {"flat": None, "lapping": "", **settings}.items():
+    for name, value in {"flat": None, "lapping": "", "wales_per_cm": 1.0, **settings}.items():
         setattr(bpy.context.scene.warpknit, name, value)
     try:
         bpy.ops.warpknit.knit()
@@ -138,6 +138,9 @@ def check_refusals(shirt):
     bpy.ops.mesh.primitive_cube_add()
     cube = bpy.context.object
     refused("must be the same mesh", garment=shirt, flat=cube)
+    bpy.context.scene.unit_settings.scale_length = 100.0
+    refused("m large in this scene: import it at its own scale", garment=shirt, wales_per_cm=10.0)
+    bpy.context.scene.unit_settings.scale_length = 1.0
     while cube.data.uv_layers:
         cube.data.uv_layers.remove(cube.data.uv_layers[0])
     refused("no UV map", garment=cube)

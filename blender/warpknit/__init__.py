@@ -64,15 +64,20 @@ def build(target, context_scene, depsgraph):
 
 def tried(operator, target, context):
     """What `build` returns, or None where it can't be knitted. The operator reports that, and warnings."""
+    yarns, failure = None, None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             yarns = build(target, context.scene, context.evaluated_depsgraph_get())
         except (knit.KnitError, ValueError, MemoryError) as error:
-            operator.report({"ERROR"}, str(error))
-            return None
-    for warning in caught:
-        operator.report({"WARNING"}, str(warning.message))
+            failure = str(error)
+    told = [str(warning.message) for warning in caught]
+    if failure is not None:
+        # Blender shows one error. What was warned of before may be its cause.
+        operator.report({"ERROR"}, ". ".join([*told, failure]))
+        return None
+    for text in told:
+        operator.report({"WARNING"}, text)
     return yarns
 
 

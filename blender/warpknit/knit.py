@@ -6,12 +6,16 @@ spline for each strand and a material for each bar. Nothing here knows operators
 Blender's places are metres, z up, and warpknit's are mm; axes stay as they are.
 """
 
+import warnings
+
 import bpy
 import numpy as np
 import warpknit
 
 # Edges of the tubes from which centre lines are taken: the fewest that have a middle.
 EDGES = 3
+# A garment larger than this, mm, has probably been imported at a wrong scale.
+LARGEST = 20_000.0
 
 
 class KnitError(Exception):
@@ -84,6 +88,11 @@ def garment_of(draped, flat, scene, depsgraph, grain=0.0, turn=False):
         first, faces = _distinct(np.column_stack([corners, uv]))
         flat_places, uv_scale = uv[first], None
     places = scale * places[corners[first]]
+    size = np.ptp(places, axis=0).max()
+    if size > LARGEST:
+        warnings.warn(
+            f"{draped.name} is {size / 1000:.0f} m large in this scene: import it at its own scale, or change Scene > Units > Unit Scale"
+        )
     return warpknit.Garment.from_arrays(flat_places, places, faces, uv_scale=uv_scale, grain=grain, turn=turn)
 
 

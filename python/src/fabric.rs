@@ -45,6 +45,28 @@ impl Texts {
     }
 }
 
+/// A fabric, or the name of a built-in one.
+#[derive(FromPyObject)]
+pub(crate) enum FabricOrName<'py> {
+    Fabric(PyRef<'py, Fabric>),
+    Name(String),
+}
+
+impl FabricOrName<'_> {
+    /// The fabric that it is.
+    ///
+    /// # Errors
+    /// `FabricError` if there is none of that name.
+    pub(crate) fn fabric(self) -> PyResult<fabric::Fabric> {
+        match self {
+            Self::Fabric(fabric) => Ok(fabric.fabric.clone()),
+            Self::Name(name) => {
+                fabric::Fabric::named(&name).map_err(|error| error::of_fabric(&error, None))
+            }
+        }
+    }
+}
+
 /// Warns the Python user.
 pub(crate) fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
     // Texts have no zero bytes. One that had would lose what stands behind it.
@@ -70,6 +92,7 @@ impl Fabric {
     }
 
     /// A warp knit of these chains, front bar first: Fabric.from_chains(["2-3/1-0//", "1-0/1-2//"]).
+    /// One text is the chain of a single bar.
     ///
     /// threading: marks such as "I." for all bars, or a list of one for each bar. Full by default.
     /// yarn: a count such as "44 dtex", "20 den", "4.4 tex" or "40 Nm", or a list of one for each
@@ -83,12 +106,13 @@ impl Fabric {
            text_signature = "(chains, threading=None, yarn='44 dtex', *, wales_per_cm=None, courses_per_cm=None)")]
     fn from_chains(
         py: Python<'_>,
-        chains: Vec<String>,
+        chains: Texts,
         threading: Option<Texts>,
         yarn: Texts,
         wales_per_cm: Option<f64>,
         courses_per_cm: Option<f64>,
     ) -> PyResult<Self> {
+        let chains = chains.into_vec();
         if chains.is_empty() {
             return Err(FabricError::new_err(
                 "there are no chains: give one for each guide bar, such as \"1-0/1-2//\"",

@@ -17,14 +17,16 @@ use warpknit::pipeline::{
 use warpknit::{fabric, garment};
 
 use crate::error;
-use crate::fabric::{Fabric, warn};
+use crate::fabric::{FabricOrName, warn};
 use crate::garment::Garment;
 use crate::laid::{Laid, lay};
 use crate::names;
 use crate::yarns::{Origin, Yarns, whole};
 
-/// Memory of a stitch in the arrays, GB: some nine points of 88 bytes.
+/// Memory of a stitch in the arrays, GB: some nine points of 88 bytes. While a panel's yarns are moved
+/// apart, a stitch of it takes more.
 const STITCH_GB: f64 = 800e-9;
+const SWEPT_STITCH_GB: f64 = 3000e-9;
 /// The largest swatch each way.
 const MOST_SWATCH: u32 = 1000;
 
@@ -51,6 +53,7 @@ impl From<Fault> for PyErr {
 
 /// Knits a fabric onto a garment, and returns its yarns.
 ///
+/// fabric: a Fabric, or the name of a built-in one.
 /// wales_per_cm, courses_per_cm: densities of the cloth. One alone scales the other. Without both
 ///     the cloth is enlarged, yarns and all, until about 12 000 stitches remain, as in the files of
 ///     the command.
@@ -69,7 +72,7 @@ impl From<Fault> for PyErr {
 pub(crate) fn drape(
     py: Python<'_>,
     garment: &Garment,
-    fabric: &Fabric,
+    fabric: FabricOrName<'_>,
     wales_per_cm: Option<f64>,
     mapping: &str,
     courses_per_cm: Option<f64>,
@@ -85,6 +88,11 @@ pub(crate) fn drape(
             "give either densities or enlarge: both say how large the stitches are",
         ));
     }
+    if let Some(times) = enlarge.filter(|times| !(*times > 0.0 && times.is_finite())) {
+        return Err(PyValueError::new_err(format!(
+            "enlarge is {times}, but must be a number above 0, such as 1 for true gauge"
+        )));
+    }
     let settings = Settings {
         densities,
         enlarge: Some(enlarge.map_or(Enlarge::Auto, Enlarge::Times)),
@@ -92,7 +100,7 @@ pub(crate) fn drape(
         cache: cache_folder(),
         ..Settings::default()
     };
-    let named = densities.of_fabric(fabric.fabric.clone());
+    let named = densities.of_fabric(fabric.fabric()?);
     let named = named.map_err(|error| error::of_fabric(&error, None))?;
     let work = || laid(&garment.garment, &named, &settings);
     let (draped, shown, laid, notes) = py.detach(work)?;
@@ -127,8 +135,8 @@ fn laid(
     pipeline::drawn_radius(&shown, None)?;
     let cloth = Cloth::cover(&garment, &shown)
         .map_err(|source| RunError::Layout { fabric: fabric.name.clone(), source })?;
-    check_size(cloth.stitches())?;
     let options = DrapeOptions::from(settings.placement);
+    check_size(&cloth, &options)?;
     let wants_strain = options.mapping == Mapping::Relaxed;
     let cache = StrainCache::open(settings.cache.as_deref().filter(|_| wants_strain), &cloth);
     let (laid, totals) = lay(&cloth, &options, &interrupted)?;
@@ -152,16 +160,21 @@ fn laid(
 /// Raises FabricError.
 #[pyfunction]
 #[pyo3(signature = (fabric, wales=14, courses=16))]
-pub(crate) fn swatch(py: Python<'_>, fabric: &Fabric, wales: i64, courses: i64) -> PyResult<Yarns> {
+pub(crate) fn swatch(
+    py: Python<'_>,
+    fabric: FabricOrName<'_>,
+    wales: i64,
+    courses: i64,
+) -> PyResult<Yarns> {
     let sides = 1..=MOST_SWATCH;
     let (wales, courses) = (whole("wales", wales, &sides)?, whole("courses", courses, &sides)?);
-    let fabric = &fabric.fabric;
+    let fabric = &fabric.fabric()?;
     let laid = py.detach(|| -> Result<Laid, Fault> {
         let panel = swatch_panel(fabric, wales, courses);
         let cloth = Cloth::swatch(&panel, fabric, wales, courses);
-        check_size(cloth.stitches())?;
         // A swatch is its own drape, so no strain has to be looked up.
         let options = DrapeOptions { mapping: Mapping::Smooth, ..DrapeOptions::default() };
+        check_size(&cloth, &options)?;
         Ok(lay(&cloth, &options, &interrupted)?.0)
     })?;
     let fabrics = (fabric.clone(), fabric.clone());
@@ -175,10 +188,12 @@ fn source(fabric: &fabric::Fabric, inputs: Vec<PathBuf>) -> Source {
 }
 
 /// Refuses cloth whose arrays don't fit.
-fn check_size(stitches: u64) -> Result<(), RunError> {
+fn check_size(cloth: &Cloth<'_>, options: &DrapeOptions) -> Result<(), RunError> {
+    let stitches = cloth.stitches();
     pipeline::check_stitches(stitches)?;
     #[expect(clippy::cast_precision_loss, reason = "an estimate of two digits")]
-    let needed = stitches as f64 * STITCH_GB;
+    let [all, swept] = [stitches, cloth.swept_together(options)].map(|count| count as f64);
+    let needed = all * STITCH_GB + swept * SWEPT_STITCH_GB;
     let remedy =
         "lower wales_per_cm, raise enlarge, or use the command, which writes block by block";
     pipeline::check_memory("an array of yarns", stitches, needed, remedy)

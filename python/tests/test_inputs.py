@@ -38,7 +38,8 @@ def test_chains() -> None:
     assert coarse.wales_per_cm == pytest.approx(fabric.wales_per_cm / 2)
     half = warpknit.Fabric.from_chains(["1-0/1-2//", "1-2/1-0//"], threading=["I.", ".I"], yarn=["44 dtex", "20 den"])
     assert 'threading = "I."' in half.to_toml() and '"20 den"' in half.to_toml()
-    assert warpknit.Fabric.from_chains(("1-0/0-1//",), "I").lappings == ["1-0/0-1//"]
+    for chains in [("1-0/0-1//",), "1-0/0-1//"]:
+        assert warpknit.Fabric.from_chains(chains, "I").lappings == ["1-0/0-1//"]
 
 
 @pytest.mark.parametrize(
@@ -92,6 +93,22 @@ def test_fabric_files(tmp_path: Path) -> None:
 def test_equal_fabrics_have_equal_hashes() -> None:
     one, other = (warpknit.Fabric.from_chains(["1-0/1-2//"]) for _ in range(2))
     assert one == other and len({one, other, warpknit.Fabric.named("locknit")}) == 2
+
+
+def test_a_name_is_a_built_in_fabric() -> None:
+    named = warpknit.swatch(warpknit.Fabric.named("jersey"), 3, 4)
+    assert (warpknit.swatch("jersey", 3, 4).points == named.points).all()
+    garment = warpknit.Garment.from_arrays(SQUARE, BODY, FACES)
+    assert warpknit.drape(garment, "jersey", 2.0).fabric.name == "jersey"
+    with pytest.raises(warpknit.FabricError, match="did you mean 'jersey'"):
+        warpknit.drape(garment, "jersye")
+
+
+@pytest.mark.parametrize("times", [0.0, -2.0, float("nan"), float("inf")])
+def test_enlargements_are_above_0(times: float) -> None:
+    garment = warpknit.Garment.from_arrays(SQUARE, BODY, FACES)
+    with pytest.raises(ValueError, match="must be a number above 0"):
+        warpknit.drape(garment, "tricot", enlarge=times)
 
 
 def test_fabrics_pickle() -> None:

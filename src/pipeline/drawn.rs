@@ -12,6 +12,7 @@ use super::RunError;
 use super::clock::{Clock, Task};
 use super::edges;
 use super::estimates::picture_bytes;
+use super::fibres::Fibres;
 use super::job::Job;
 use super::loupe::Loupe;
 use super::pictures::{self, Pictures};
@@ -48,7 +49,7 @@ impl<'a> Drawn<'a> {
         let options = pictures::options_of(job);
         let whole = RenderOptions { rows: None, ..options.clone() };
         let cameras = pictures::cameras(job.settings, &options, points);
-        let has_fibres = setup.fibres.is_some();
+        let has_fibres = setup.fibres.as_ref().is_some_and(Fibres::replace_yarns);
         let of_cameras = |cameras: &[Camera], options: &RenderOptions| {
             let found = (!job.is_swatch)
                 .then(|| InView::of_cameras(job.cloth, scene, cameras, options, has_fibres));

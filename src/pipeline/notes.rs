@@ -7,6 +7,7 @@
 use super::densities::{Gauge, PICTURED_STITCHES, stitches_on};
 use super::drawn::Drawn;
 use super::estimates::{file_bytes, float, size_text};
+use super::fibres::Fibres;
 use super::job::Job;
 use super::settings::Wanted;
 use super::setup::Setup;
@@ -142,7 +143,7 @@ struct File {
 /// The files of a job whose sizes can be estimated.
 fn files(job: &Job<'_>, setup: &Setup) -> Vec<File> {
     // Files of fibres have limits of their own.
-    if setup.fibres.as_ref().is_some_and(|fibres| fibres.filed.is_some()) {
+    if setup.fibres.as_ref().and_then(Fibres::in_files).is_some() {
         return Vec::new();
     }
     let file = |(path, format): &(std::path::PathBuf, Format)| {

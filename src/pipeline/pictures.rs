@@ -19,7 +19,6 @@ use super::loupe::Loupe;
 use super::settings::Settings;
 use crate::export::{Output, png};
 use crate::ids::index32;
-use crate::render::fibres as near;
 use crate::render::scene::{Bounds, Scene};
 use crate::render::set::Set;
 use crate::render::{Camera, Painter, RenderOptions, RendererChoice};
@@ -131,7 +130,7 @@ impl Pictures {
     }
 }
 
-/// The scene of fibres for a camera. `None` where yarns are drawn whole.
+/// The scene of fibres and hairs for a camera. `None` where yarns are drawn whole and bare.
 fn close_up(
     scene: &Scene,
     fibres: Option<&Fibres>,
@@ -139,7 +138,7 @@ fn close_up(
     options: &RenderOptions,
 ) -> Option<Scene> {
     let size = [options.width, options.height];
-    fibres.and_then(|fibres| near::scene(scene, &fibres.bundles, fibres.near, camera, size))
+    fibres.and_then(|fibres| fibres.close_up(scene, camera, size))
 }
 
 /// The cameras of a run's pictures. They see all of `extent`.

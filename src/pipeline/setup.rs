@@ -30,7 +30,7 @@ pub(super) struct Setup {
     pub(super) textures_in_files: Arc<TextureSet>,
     /// What a page says of the fabric. Empty without one.
     pub(super) facts: Facts,
-    /// The yarns' fibres. `None` if yarns are drawn and written whole.
+    /// The yarns' fibres and hairs. `None` if yarns are drawn and written whole and bare.
     pub(super) fibres: Option<Fibres>,
     /// Options of laying the yarns of files, with surfaces if one needs them.
     pub(super) options: DrapeOptions,

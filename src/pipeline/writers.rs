@@ -60,11 +60,9 @@ pub(super) fn check_places<'a>(
 /// panels are those of the frame that is made.
 fn cloth_info<'a>(job: &Job<'_>, setup: &Setup, panels: &'a [Panel]) -> ClothInfo<'a> {
     let cloth = job.filed();
-    let info = match &setup.fibres {
-        Some(Fibres { bundles, filed: Some(section), .. }) => {
-            ClothInfo::from_bundles(job.shown, bundles.clone(), *section)
-        }
-        _ => ClothInfo {
+    let info = match setup.fibres.as_ref().and_then(Fibres::in_files) {
+        Some((bundles, section)) => ClothInfo::from_bundles(job.shown, bundles.to_vec(), section),
+        None => ClothInfo {
             textures: Arc::clone(&setup.textures_in_files),
             ..ClothInfo::from_fabric(job.shown, setup.section)
         },

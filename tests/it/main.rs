@@ -33,6 +33,7 @@ mod gallery;
 mod garment;
 mod golden;
 mod gpu;
+mod hairs;
 mod inspect;
 mod interlock;
 #[cfg(unix)]

@@ -19,19 +19,42 @@ use crate::scene::{Scene, SceneStrand, YarnLook};
 pub const MIN_YARN_PIXELS: f64 = 36.0;
 /// Least width of a drawn fibre, pixels. Thinner ones alias into noise; thicker ones look like
 /// wire.
-const MIN_FIBRE_PIXELS: f64 = 0.9;
+pub(crate) const MIN_FIBRE_PIXELS: f64 = 0.9;
 /// The largest number of fibre points in a picture. It takes a gigabyte once rays are traced.
 const MAX_POINTS: f64 = 4e6;
 /// How far yarns become fibres beside the picture, relative to its half size. They cast shadows
 /// into it. At 1 the shadows at the border would be those of plain yarns.
 const MARGIN: f64 = 1.15;
 
-/// Decides which parts of yarns are near enough to be drawn as fibres.
-struct NearTest<'a> {
+/// What a camera sees, and how large.
+pub(crate) struct PictureFrame<'a> {
     camera: &'a Camera,
     aspect: f64,
     /// Height of the picture, pixels.
     height: u32,
+}
+
+impl<'a> PictureFrame<'a> {
+    /// The frame of a picture of this width and height in pixels.
+    pub(crate) fn new(camera: &'a Camera, [width, height]: [u32; 2]) -> Self {
+        Self { camera, aspect: f64::from(width) / f64::from(height), height }
+    }
+
+    /// The size of a pixel at a point, mm.
+    pub(crate) fn pixel(&self, point: DVec3) -> f64 {
+        self.camera.pixel_size(point.distance(self.camera.eye()), self.height)
+    }
+
+    /// Whether a point lies within the picture and its margin.
+    pub(crate) fn holds(&self, point: DVec3) -> bool {
+        let projected = self.camera.project(point, self.aspect);
+        projected.is_some_and(|at| at.abs().max_element() < MARGIN)
+    }
+}
+
+/// Decides which parts of yarns are near enough to be drawn as fibres.
+struct NearTest<'a> {
+    frame: PictureFrame<'a>,
     /// Diameter of the thickest yarn, mm. One diameter for all: of yarns side by side either all
     /// show their fibres or none does.
     widest: f64,
@@ -40,16 +63,9 @@ struct NearTest<'a> {
 }
 
 impl NearTest<'_> {
-    /// The size of a pixel at a point, mm.
-    fn pixel(&self, point: DVec3) -> f64 {
-        self.camera.pixel_size(point.distance(self.camera.eye()), self.height)
-    }
-
     /// Whether a point lies within the picture and its margin, and yarns are wide enough there.
     fn is_near(&self, point: &DVec3) -> bool {
-        let projected = self.camera.project(*point, self.aspect);
-        projected.is_some_and(|at| at.abs().max_element() < MARGIN)
-            && self.widest > self.near * self.pixel(*point)
+        self.frame.holds(*point) && self.widest > self.near * self.frame.pixel(*point)
     }
 }
 
@@ -62,14 +78,14 @@ fn near_lengths(yarns: &Scene, test: &NearTest<'_>, looks: usize) -> (Vec<(f64, 
         for ends in points.windows(2).filter(|ends| ends.iter().any(|point| test.is_near(point))) {
             lengths[look].0 += ends[0].distance(ends[1]);
             lengths[look].1 += 1.0;
-            finest = finest.min(test.pixel(ends[0]));
+            finest = finest.min(test.frame.pixel(ends[0]));
         }
     }
     (lengths, finest)
 }
 
 /// The control points of a scene's strand, mm.
-fn controls(scene: &Scene, strand: &SceneStrand) -> Vec<DVec3> {
+pub(crate) fn controls(scene: &Scene, strand: &SceneStrand) -> Vec<DVec3> {
     scene.positions[strand.points.start as usize..strand.points.end as usize]
         .iter()
         .map(|point| point.as_dvec3())
@@ -87,12 +103,10 @@ pub fn scene(
     bundles: &[Bundle],
     near: f64,
     camera: &Camera,
-    [width, height]: [u32; 2],
+    size: [u32; 2],
 ) -> Option<Scene> {
     let test = NearTest {
-        camera,
-        aspect: f64::from(width) / f64::from(height),
-        height,
+        frame: PictureFrame::new(camera, size),
         widest: 2.0 * bundles.iter().map(|bundle| bundle.radius).fold(0.0, f64::max),
         near,
     };
@@ -146,14 +160,13 @@ pub fn scene(
 /// number of yarns' looks.
 fn with_fibre_looks(yarns: &[YarnLook], bundles: &[Bundle]) -> Vec<YarnLook> {
     let mut looks = yarns.to_vec();
-    looks.extend(yarns.iter().zip(bundles).map(|(look, bundle)| YarnLook {
-        radius: narrow(bundle.fibre),
-        plies: 1,
-        twist_slope: Some(0.0),
-        maps: None,
-        ..*look
-    }));
+    looks.extend(yarns.iter().zip(bundles).map(|(look, bundle)| fibre_look(look, bundle.fibre)));
     looks
+}
+
+/// The look of a fibre of this radius, mm, in a yarn of this look.
+pub(crate) fn fibre_look(yarn: &YarnLook, radius: f64) -> YarnLook {
+    YarnLook { radius: narrow(radius), plies: 1, twist_slope: Some(0.0), maps: None, ..*yarn }
 }
 
 /// Bundles whose fibres are at least about a pixel thick and whose points fit in memory.
@@ -186,6 +199,6 @@ fn drawn_bundles(bundles: &[Bundle], lengths: &[(f64, f64)], pixel: f64) -> Vec<
     }
 }
 
-fn index16(count: usize) -> u16 {
+pub(crate) fn index16(count: usize) -> u16 {
     u16::try_from(count).expect("a fabric has a hundred bars at most")
 }

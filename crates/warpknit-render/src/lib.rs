@@ -34,6 +34,7 @@ pub mod fabric_maps;
 pub mod fibres;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod hairs;
 pub mod light;
 pub mod maps;
 pub mod octahedral;

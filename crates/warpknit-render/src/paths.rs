@@ -156,6 +156,7 @@ impl YarnPaths {
             style,
             cached: (usize::MAX, None),
             frame: TangentFrame::default(),
+            reached: 0,
             along,
             drawn: 0,
         };
@@ -163,6 +164,7 @@ impl YarnPaths {
             Subdivision::Picture(camera, options) => builder.subdivide_spans(camera, options),
             Subdivision::Stitch(st) => builder.subdivide_stitches(st),
         }
+        builder.reach(run.points.len() - 1);
         let along = builder.along;
         // A strand that ends within its lead has no points.
         if builder.drawn == 0 {
@@ -285,6 +287,9 @@ struct PathBuilder<'a> {
     /// The span that was computed last, with its index. Consecutive points mostly share a span.
     cached: (usize, Option<Span>),
     frame: TangentFrame,
+    /// A point of the run, and the arc length up to it. Lengths are those of spans and not of pieces,
+    /// so that plies and textures lie where they do at any subdivision.
+    reached: usize,
     along: f64,
     /// Number of points that were appended.
     drawn: usize,
@@ -338,8 +343,8 @@ impl PathBuilder<'_> {
             // without the width, the cloth becomes brighter through its gaps.
             *start = (start.truncate() + moved).extend(start.w * widening);
         }
-        // The texture advances by the length of the curve, not of the chord.
-        self.along += chord.arc - chord.length;
+        self.reached += chord.spans;
+        self.along += chord.arc;
     }
 
     /// Subdivides each stitch into `st` pieces.
@@ -374,12 +379,21 @@ impl PathBuilder<'_> {
         }
     }
 
+    /// Advances the arc length to point `index`.
+    fn reach(&mut self, index: usize) {
+        while self.reached < index {
+            self.along += self.span(self.reached).length();
+            self.reached += 1;
+        }
+    }
+
     /// Appends the point at parameter `t` of the span after point `index`. In the lead only the frame
     /// and the length advance.
     fn push_point(&mut self, index: usize, t: f64) {
+        self.reach(index);
         let span = self.span(index);
         let position = span.at(t);
-        self.along += self.frame.advance(position, span.tangent(t));
+        self.frame.advance(position, span.tangent(t));
         if index < self.style.lead {
             return;
         }
@@ -397,8 +411,10 @@ impl PathBuilder<'_> {
         self.paths.points.push(position.as_vec3().extend(radius));
         self.paths.tangents.push(PackedUnit::new(self.frame.tangent.into()));
         self.paths.across.push(PackedUnit::new(across.into()));
+        // A last span that was merged has been passed already.
+        let within = if index < self.reached { 0.0 } else { span.length_to(t) };
         #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
-        self.paths.along.push(self.along as f32);
+        self.paths.along.push((self.along + within) as f32);
         self.paths.looks.push(self.style.look);
         self.paths.shades.push(self.style.shade);
     }

@@ -31,7 +31,7 @@ class Fabric:
     def names() -> list[str]: ...
     @staticmethod
     def from_chains(
-        chains: Sequence[str],
+        chains: str | Sequence[str],
         threading: str | Sequence[str] | None = None,
         yarn: str | Sequence[str] = "44 dtex",
         *,
@@ -178,7 +178,7 @@ class Yarns:
 
 def drape(
     garment: Garment,
-    fabric: Fabric,
+    fabric: Fabric | str,
     wales_per_cm: float | None = None,
     mapping: Literal["relaxed", "smooth", "frame"] = "relaxed",
     *,
@@ -189,5 +189,5 @@ def drape(
 ) -> Yarns:
     """Knits a fabric onto a garment."""
 
-def swatch(fabric: Fabric, wales: int = 14, courses: int = 16) -> Yarns:
+def swatch(fabric: Fabric | str, wales: int = 14, courses: int = 16) -> Yarns:
     """Knits a flat piece of fabric."""

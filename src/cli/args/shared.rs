@@ -50,8 +50,8 @@ pub(crate) struct Shared {
     /// Close the tubes' ends
     #[arg(long)]
     pub(crate) caps: bool,
-    /// Show yarns as their fibres, in files and in pictures [default: only captured cloth, in
-    /// pictures from near]
+    /// Show yarns as their fibres, in files and in pictures [default: in pictures from near, fibres of
+    /// captured cloth and hairs of spun yarns]
     #[arg(long, value_enum, value_name = "on|off")]
     pub(crate) fibres: Option<SwitchArg>,
     /// Radius of a fibre, mm; the thicker they are, the fewer a yarn has

@@ -18,7 +18,7 @@ use glam::DVec2;
 
 use crate::ids::YarnId;
 use crate::number::{float, narrow};
-use crate::yarn::fibres::mixed;
+use crate::yarn::random::mixed;
 
 /// Whether stitches are copies of each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

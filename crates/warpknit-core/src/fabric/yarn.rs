@@ -36,6 +36,9 @@ pub struct Yarn {
     /// Share of light that parallel fibres reflect like a mirror, 0 to 1, where it is given:
     /// filaments do, spun fibres hardly.
     pub sheen: Option<f64>,
+    /// Length of the fibres that stand off it, mm for each mm of yarn, as Uster's testers measure it,
+    /// where it is given: spun yarns have hairs, filaments none.
+    pub hairiness: Option<f64>,
     /// The yarn's pictures, a folder or an image for `warpknit::photo::yarn::read_maps`; in a file its
     /// path starts from the file's folder.
     pub texture: Option<PathBuf>,
@@ -45,7 +48,7 @@ pub struct Yarn {
 }
 
 impl Yarn {
-    /// A plain yarn: its plies, twist, sheen and texture are not given.
+    /// A plain yarn: its plies, twist, sheen, hairiness and texture are not given.
     #[must_use]
     pub fn plain(count: Count, density: f64, packing: f64, color: Color) -> Self {
         Self {
@@ -58,6 +61,7 @@ impl Yarn {
             twist: None,
             modulus: None,
             sheen: None,
+            hairiness: None,
             texture: None,
             texture_length: None,
         }

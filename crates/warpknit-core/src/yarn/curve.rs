@@ -71,8 +71,15 @@ impl Span {
     #[inline]
     #[must_use]
     pub fn length(&self) -> f64 {
-        (self.tangent(0.0).length() + 4.0 * self.tangent(0.5).length() + self.tangent(1.0).length())
-            / 6.0
+        self.length_to(1.0)
+    }
+
+    /// The arc length from the start to `t`, by the same rule.
+    #[inline]
+    #[must_use]
+    pub fn length_to(&self, t: f64) -> f64 {
+        let [start, middle, end] = [0.0, 0.5 * t, t].map(|t| self.tangent(t).length());
+        (start + 4.0 * middle + end) * t / 6.0
     }
 
     /// The arc length, by Gauss and Legendre's rule with five evaluations. On a stitch's bends the

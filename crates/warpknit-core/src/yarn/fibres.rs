@@ -10,13 +10,15 @@
 //! Cost: a sine and a cosine for the angle and a cosine for the migration at each point. The same
 //! seed gives the same fibres, whichever part of the yarn is asked for.
 //!
-//! Not promised: fibres that never intersect, and hairs that stand off the yarn.
+//! Not promised: fibres that never intersect. Those that stand off the yarn are in [`super::hairs`].
 
 use std::f64::consts::TAU;
 use std::ops::Range;
 
 use glam::{DVec3, Vec3, Vec3A};
 
+use super::hairs::Hairs;
+use super::random::SplitMix64;
 use super::{curve, frame};
 use crate::number::double;
 
@@ -53,10 +55,12 @@ pub struct Bundle {
     /// Slope of the outermost fibres against the axis. A positive slope is S twist, a negative one
     /// Z twist.
     pub slope: f64,
+    /// Fibres that stand off the yarn.
+    pub hairs: Option<Hairs>,
 }
 
 impl Bundle {
-    /// The fibres that fill the share `packing` of a yarn's section.
+    /// The fibres that fill the share `packing` of a yarn's section, without hairs.
     ///
     /// For a section of width w and semi-axis a = w/2 this is `0.3 a w / r²` fibres of radius r at
     /// the paper's packing of 0.6.
@@ -76,7 +80,7 @@ impl Bundle {
         let count = count.clamp(1, MOST_FIBRES);
         // Where the limit cut the number, thicker fibres keep the packing.
         let fibre = fibre.max(radius * (packing / f64::from(count)).sqrt()).min(radius);
-        Self { radius, fibre, count, slope }
+        Self { radius, fibre, count, slope, hairs: None }
     }
 
     /// Points of one fibre for each mm of yarn.
@@ -177,7 +181,7 @@ pub fn for_each_fibre(
     let migration = turning.abs().max(0.1 / bundle.radius) / MIGRATION_TURNS;
     let mut points = Vec::with_capacity(samples.clone().count());
     for fibre in 0..bundle.count {
-        let mut random = SplitMix64::new(seed, fibre);
+        let mut random = SplitMix64::new(seed, fibre.into());
         // Stratified over the section: fibre k of n lies in the k-th of n rings of equal area,
         // hence the square root. Purely random distances would leave gaps and bunches. The fibre's
         // own radius is subtracted, so that its surface stays within the yarn.
@@ -199,38 +203,6 @@ pub fn for_each_fibre(
     }
 }
 
-/// Pseudo-random numbers from a seed: the splitmix64 generator (Steele, Lea and Flood, Fast
-/// splittable pseudorandom number generators, 2014).
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    /// A generator for each fibre of each seed, so that fibres don't depend on each other.
-    fn new(seed: u64, fibre: u32) -> Self {
-        // Two odd constants spread neighbouring seeds and neighbouring fibres over all 64 bits.
-        Self(
-            seed.wrapping_mul(0x9E37_79B9_7F4A_7C15)
-                ^ u64::from(fibre).wrapping_mul(0xD1B5_4A32_D192_ED03),
-        )
-    }
-
-    /// The next number, uniform in 0..=1.
-    fn next_unit(&mut self) -> f64 {
-        // The increment is that of the published generator.
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        #[expect(clippy::cast_precision_loss, reason = "32 bits are enough to spread fibres")]
-        let unit = (mixed(self.0) >> 32) as f64 / f64::from(u32::MAX);
-        unit
-    }
-}
-
-/// Spreads the bits of a number over all 64: the last step of splitmix64, with the two multipliers of
-/// the published generator.
-pub(crate) fn mixed(bits: u64) -> u64 {
-    let bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    bits ^ (bits >> 31)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -242,7 +214,7 @@ mod tests {
     #[test]
     fn fibres_wind_at_the_slope_of_the_twist_and_stay_within() {
         for slope in [0.4, -0.3] {
-            let bundle = Bundle { radius: 0.1, fibre: 0.005, count: 200, slope };
+            let bundle = Bundle { radius: 0.1, fibre: 0.005, count: 200, slope, hairs: None };
             let axis = Axis::through(&straight(), bundle.points_per_mm());
             let (mut fibres, mut outer) = (0, Vec::new());
             for_each_fibre(&bundle, &axis, 0..5, 7, &mut |points| {

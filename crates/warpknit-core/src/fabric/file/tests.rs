@@ -87,6 +87,7 @@ fn faults_are_pointed_at() {
         "9: ",
         "1.5",
     );
+    pointed("plies = 2", "hairiness = 51", "must be between 0 and 50 mm/mm", "9: ", "51");
     pointed(
         "plies = 2",
         "draft = 0.5",
@@ -228,6 +229,7 @@ fn yarns() -> impl Strategy<Value = Yarn> {
         prop::option::of(-5000.0..5000.0),
         prop::option::of(0.0..=1.0),
         prop::option::of(1.0..=8.0),
+        prop::option::of(0.0..=50.0),
     );
     let texture = (prop::option::of(".{0,12}"), prop::option::of(0.01..10_000.0));
     (count, 0.1..25.0, 0.01..1.0, prop::array::uniform3(0_u8..), look, texture).prop_map(
@@ -236,13 +238,14 @@ fn yarns() -> impl Strategy<Value = Yarn> {
             density,
             packing,
             rgb,
-            (plies, twist, sheen, draft),
+            (plies, twist, sheen, draft, hairiness),
             (texture, texture_length),
         )| Yarn {
             draft,
             plies,
             twist,
             sheen,
+            hairiness,
             texture: texture.map(PathBuf::from),
             texture_length,
             ..Yarn::plain(count, density, packing, Color(rgb))

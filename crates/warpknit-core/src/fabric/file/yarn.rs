@@ -10,6 +10,7 @@ use toml::Spanned;
 use super::source::{Limits, Source, unplaced};
 use crate::fabric::error::FabricError;
 use crate::fabric::yarn::{Color, Count, MOST_TWIST, Yarn};
+use crate::yarn::hairs::MOST_HAIRINESS;
 
 const FIBRE_DENSITY: Limits = (0.1, 25.0, "g/cm³");
 const PACKING: Limits = (0.01, 1.0, "");
@@ -20,6 +21,7 @@ const DRAFT: Limits = (1.0, 8.0, "");
 /// From soft elastane to carbon.
 const MODULUS: Limits = (0.0001, 1000.0, "GPa");
 const SHEEN: Limits = (0.0, 1.0, "");
+const HAIRINESS: Limits = (0.0, MOST_HAIRINESS, "mm/mm");
 const TEXTURE_LENGTH: Limits = (0.01, 10_000.0, "mm");
 
 /// The `yarn` of a bar, a feeder or a strand.
@@ -40,6 +42,8 @@ pub(super) struct YarnTable {
     modulus: Option<Spanned<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sheen: Option<Spanned<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    hairiness: Option<Spanned<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     texture: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -68,6 +72,11 @@ impl YarnTable {
             twist: source.optional(&format!("{what}.twist"), self.twist.as_ref(), TWIST)?,
             modulus: source.optional(&format!("{what}.modulus"), self.modulus.as_ref(), MODULUS)?,
             sheen: source.optional(&format!("{what}.sheen"), self.sheen.as_ref(), SHEEN)?,
+            hairiness: source.optional(
+                &format!("{what}.hairiness"),
+                self.hairiness.as_ref(),
+                HAIRINESS,
+            )?,
             texture: self.texture,
             texture_length: source.optional(
                 &format!("{what}.texture_length"),
@@ -90,6 +99,7 @@ impl From<&Yarn> for YarnTable {
             twist: yarn.twist.map(unplaced),
             modulus: yarn.modulus.map(unplaced),
             sheen: yarn.sheen.map(unplaced),
+            hairiness: yarn.hairiness.map(unplaced),
             texture: yarn.texture.clone(),
             texture_length: yarn.texture_length.map(unplaced),
         }
