@@ -15,26 +15,21 @@ use crate::render::scene::{Scene, YarnLook};
 /// Radius of sewing thread, mm: one of 27 tex, for light knits.
 const THREAD: f64 = 0.1;
 
-/// Takes pictures with finished edges out of parts that have other files too, and says of each part
-/// whether its edges are finished.
+/// A part of a run as pictures with finished edges and as other files, those that there are. The flag
+/// says whether edges are finished.
 pub(super) fn divided(
-    parts: Vec<Shown<'_>>,
+    part: Shown<'_>,
     chosen: Option<EdgeFinish>,
 ) -> impl Iterator<Item = (Shown<'_>, bool)> {
-    parts.into_iter().flat_map(move |part| {
-        let is_finished = match chosen {
-            None => part.gauge == Gauge::True,
-            Some(finish) => finish == EdgeFinish::Hemmed,
-        };
-        let (pictures, files): (Vec<_>, Vec<_>) = part
-            .outputs
-            .iter()
-            .cloned()
-            .partition(|(_, format)| is_finished && *format == Format::Png);
-        let drawn = Shown { outputs: pictures, ..part.clone() };
-        let filed = Shown { outputs: files, ..part };
-        [(drawn, true), (filed, false)].into_iter().filter(|(part, _)| !part.outputs.is_empty())
-    })
+    let is_finished = match chosen {
+        None => part.gauge == Gauge::True,
+        Some(finish) => finish == EdgeFinish::Hemmed,
+    };
+    let (pictures, files) =
+        part.outputs.iter().cloned().partition(|(_, format)| is_finished && *format == Format::Png);
+    let drawn = Shown { outputs: pictures, ..part.clone() };
+    let filed = Shown { outputs: files, ..part };
+    [(drawn, true), (filed, false)].into_iter().filter(|(part, _)| !part.outputs.is_empty())
 }
 
 /// A garment with finished edges, for cloth of this repeat whose thickest yarn has this radius, mm.

@@ -18,11 +18,20 @@ use super::settings::Settings;
 use super::stretch::pull;
 use super::summary::Done;
 use super::writers::wanted;
-use crate::drape::{self, Cloth, swatch_panel};
+use crate::drape::{self, Cloth, LayoutError, swatch_panel};
+use crate::edges::Finished;
 use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
 use crate::knit::Pattern;
 use crate::map::Mapping;
+
+/// Files that show one cloth, before its yarns are laid.
+struct Part<'a> {
+    shown: Shown<'a>,
+    pattern: Pattern,
+    /// The garment with finished edges, where the files show these.
+    finished: Option<Finished>,
+}
 
 /// Knits a fabric onto a garment. With a `sequence`, `garment` is its first frame, and the fabric is
 /// knitted onto all frames.
@@ -63,31 +72,21 @@ pub fn drape(
     let area = area_of(&garment);
     let outputs = wanted(settings, source);
     check_settings(settings, source, &outputs, sequence.is_some())?;
-    let parts = shown(fabric, area, settings, outputs, sequence.is_some())?;
-    let parts: Vec<_> = edges::divided(parts, settings.picture.edges).collect();
-    let misfit =
-        |source_error| RunError::Layout { fabric: source.fabric.clone(), source: source_error };
-    let finished = parts.iter().map(|(part, has_edges)| {
-        let radius = drawn_radius(&part.fabric, settings.radius)?;
-        Cloth::check_sizes(&garment, &part.fabric).map_err(misfit)?;
-        let pattern = relaxed(&part.fabric, &mut clock);
-        let finished = has_edges.then(|| edges::finish(&garment, &pattern, radius));
-        Ok::<_, RunError>((pattern, finished))
-    });
-    let finished = finished.collect::<Result<Vec<_>, _>>()?;
-    let cloths = parts.iter().zip(&finished).map(|((part, _), (pattern, finished))| {
-        let garment = finished.as_ref().map_or(&garment, |finished| &finished.garment);
-        Cloth::cover_with(garment, &part.fabric, pattern.clone()).map_err(misfit)
+    let whole = shown(fabric, area, settings, outputs, sequence.is_some())?;
+    let parts = parts(whole, &garment, settings, source, &mut clock)?;
+    let cloths = parts.iter().map(|part| {
+        let garment = part.finished.as_ref().map_or(&garment, |finished| &finished.garment);
+        Cloth::cover_with(garment, &part.shown.fabric, part.pattern.clone())
+            .map_err(|error| misfit(error, source))
     });
     let cloths = cloths.collect::<Result<Vec<_>, _>>()?;
     let jobs: Vec<_> = parts
         .iter()
-        .zip(&finished)
         .zip(&cloths)
-        .map(|(((part, _), (_, finished)), cloth)| {
-            let Shown { fabric: shown, outputs, gauge } = part;
+        .map(|(part, cloth)| {
+            let Shown { fabric: shown, outputs, gauge } = &part.shown;
             let notes = garment.summary.notes.iter().cloned();
-            let options = laying(settings, part.gauge);
+            let options = laying(settings, *gauge);
             Job {
                 settings,
                 fabric,
@@ -97,7 +96,7 @@ pub fn drape(
                 notes: notes.chain(lengths_note(cloth, &options)).collect(),
                 part: settings.tile.map(|tile| (tile, cloth.part(tile))),
                 cloth,
-                threads: finished.as_ref().map_or(&[], |finished| &finished.threads),
+                threads: part.finished.as_ref().map_or(&[], |finished| &finished.threads),
                 options,
                 area: area_of(cloth.garment()),
                 source,
@@ -110,6 +109,32 @@ pub fn drape(
         (Some(sequence), [job]) => sequence::make(job, sequence, clock),
         _ => make(&jobs, clock),
     }
+}
+
+/// Relaxes the repeat of each cloth of a run, and divides files with finished edges from those without.
+fn parts<'a>(
+    whole: Vec<Shown<'a>>,
+    garment: &Garment,
+    settings: &Settings,
+    source: &Source,
+    clock: &mut Clock<'_>,
+) -> Result<Vec<Part<'a>>, RunError> {
+    let mut parts = Vec::new();
+    for cloth in whole {
+        let radius = drawn_radius(&cloth.fabric, settings.radius)?;
+        Cloth::check_sizes(garment, &cloth.fabric).map_err(|error| misfit(error, source))?;
+        let pattern = relaxed(&cloth.fabric, clock);
+        for (shown, has_edges) in edges::divided(cloth, settings.picture.edges) {
+            let finished = has_edges.then(|| edges::finish(garment, &pattern, radius));
+            parts.push(Part { shown, pattern: pattern.clone(), finished });
+        }
+    }
+    Ok(parts)
+}
+
+/// A fabric that has no place on a garment.
+fn misfit(error: LayoutError, source: &Source) -> RunError {
+    RunError::Layout { fabric: source.fabric.clone(), source: error }
 }
 
 /// Knits a flat piece of fabric of `wales` yarns a bar and `courses` courses, and pulls it if the
