@@ -73,7 +73,7 @@ def tried(operator, target, context):
             failure = str(error)
     told = [str(warning.message) for warning in caught]
     if failure is not None:
-        # Blender shows one error. What was warned of before may be its cause.
+        # Blender shows one error. The warnings before it may name its cause.
         operator.report({"ERROR"}, ". ".join([*told, failure]))
         return None
     for text in told:

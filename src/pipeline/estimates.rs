@@ -5,13 +5,15 @@
 //! within a third against files and runs in `tests/it/estimates.rs`. Not promised: files of fibres.
 
 use super::settings::Settings;
+use crate::drape::fibres::bundles;
 use crate::drape::{Cloth, DrapeOptions};
 use crate::export::Format;
 use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::render::scene::{Bounds, Scene, Shape};
-use crate::render::{Camera, RenderOptions, RendererChoice};
+use crate::render::{Camera, RenderOptions, RendererChoice, hairs};
 use crate::system::address_space_gb;
+use crate::yarn::fibres::FIBRE_RADIUS;
 use crate::yarn::tube::Section;
 
 /// Memory of a run that draws nothing.
@@ -131,7 +133,10 @@ fn drawing_bytes(
     } else {
         points * PIECES
     };
-    PIXEL * pixels + PIECE * pieces
+    // Hairs show on yarns from eight pixels wide. No more of these fit into a picture, four deep.
+    let shown = (points * step).min(0.5 * pixels * pixel);
+    let bundles = bundles(fabric, fabric.radius(), FIBRE_RADIUS);
+    PIXEL * pixels + PIECE * pieces + hairs::bytes(&bundles, shown, pixel)
 }
 
 /// Whether the processor draws all these pictures of a scene within `extent` without noise, as

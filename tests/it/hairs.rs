@@ -2,13 +2,16 @@
 //! the hairs of the whole.
 
 use glam::Vec3;
+use image::{DynamicImage, imageops};
 use warpknit::drape::fibres::bundles;
 use warpknit::fabric::Fabric;
 use warpknit::render::scene::Scene;
-use warpknit::render::{Camera, RenderOptions, View, cloth, hairs};
+use warpknit::render::{Background, Camera, RenderOptions, View, cloth, hairs, render};
 use warpknit::yarn::fibres::{Bundle, FIBRE_RADIUS};
+use warpknit::yarn::hairs::Hairs;
 
 use crate::cli::warpknit;
+use crate::flip::flip;
 use crate::gpu;
 
 const SIZE: [u32; 2] = [384, 384];
@@ -125,6 +128,66 @@ fn files_of_fibres_have_hairs() {
         curves.push(text.trim().split("\n\n").count());
     }
     let hairs = curves[0] - curves[1];
-    // Nine stitches of some 4 mm, and 13 hairs a mm.
-    assert!((250..700).contains(&hairs), "{hairs} hairs beside {} fibres", curves[1]);
+    // Nine stitches of 3.15 mm. Fibres of 0.01 mm are thicker than hairs, so there are fewer.
+    let expected = 9.0 * 3.15 * 17.1 * 0.0045 / 0.01;
+    let share = hairs as f64 / expected;
+    assert!((0.85..1.25).contains(&share), "{hairs} hairs, {expected} expected");
+}
+
+#[test]
+fn a_picture_is_a_part_of_a_larger_one() {
+    let (scene, bundles) = swatch("jersey");
+    let wide = camera(&scene, 3.0);
+    // A third of its width and height, at the same size of pixels.
+    let near = camera(&scene, 9.0);
+    let drawn = |camera: &Camera, size: u32| {
+        let hairy = hairs::with_hairs(&scene, None, &bundles, camera, [size, size]).unwrap();
+        let options =
+            RenderOptions { width: size, height: size, spp: 16, ..RenderOptions::default() };
+        let picture = render(&hairy, camera, &options, &|_| ()).unwrap();
+        DynamicImage::from(picture).into_rgb8()
+    };
+    let [wide, near] = [drawn(&wide, 720), drawn(&near, 240)];
+    let part = imageops::crop_imm(&wide, 240, 240, 240, 240).to_image();
+    let difference = flip(&part, &near).mean();
+    assert!(difference < 0.06, "{difference}");
+}
+
+#[test]
+fn cloth_keeps_its_colour_as_hairs_fade_in() {
+    let (scene, bundles) = swatch("jersey");
+    let camera = camera(&scene, 6.0);
+    let hairy = hairs::with_hairs(&scene, None, &bundles, &camera, [300, 300]).unwrap();
+    let [bare, hairy] = [&scene, &hairy].map(|scene| {
+        let background = Background::Transparent;
+        let options =
+            RenderOptions { width: 300, height: 300, background, ..RenderOptions::default() };
+        render(scene, &camera, &options, &|_| ()).unwrap()
+    });
+    // Between yarns hairs hide what is behind the cloth.
+    let pairs = bare.pixels().zip(hairy.pixels()).filter(|(bare, _)| bare.0[3] == 255);
+    let changes: Vec<f64> =
+        pairs.map(|(bare, hairy)| f64::from(hairy.0[1]) - f64::from(bare.0[1])).collect();
+    let mean = changes.iter().sum::<f64>() / changes.len() as f64;
+    assert!(changes.len() > 30_000 && mean.abs() < 3.0, "{mean} of 255");
+}
+
+#[test]
+fn many_hairs_become_fewer_and_thicker_ones() {
+    let (scene, mut bundles) = swatch("jersey");
+    let fabric = Fabric::named("jersey").unwrap();
+    let camera = camera(&scene, 1.0);
+    let size = [1600, 1600];
+    let area = |bundles: &[Bundle]| {
+        let drawn = hairs::with_hairs(&scene, None, bundles, &camera, size).unwrap();
+        let hairs = drawn.strands.len() - scene.strands.len();
+        let radius = drawn.looks.last().unwrap().radius;
+        (hairs as f64, hairs as f64 * f64::from(radius))
+    };
+    let (some, some_area) = area(&bundles);
+    // A thousand times as many are over what a picture holds.
+    bundles[0].hairs = Some(Hairs::of(5000.0, &bundles[0], fabric.enlargement));
+    let (many, many_area) = area(&bundles);
+    assert!(many > 5.0 * some && many < 170_000.0, "{some} and {many}");
+    assert!((many_area / some_area / 1000.0 - 1.0).abs() < 0.15, "{some_area} {many_area}");
 }

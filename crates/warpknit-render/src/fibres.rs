@@ -45,10 +45,11 @@ impl<'a> PictureFrame<'a> {
         self.camera.pixel_size(point.distance(self.camera.eye()), self.height)
     }
 
-    /// Whether a point lies within the picture and its margin.
-    pub(crate) fn holds(&self, point: DVec3) -> bool {
+    /// Whether a point lies within the picture, or beside it by less than `reach` mm and some pixels.
+    pub(crate) fn contains(&self, point: DVec3, reach: f64) -> bool {
+        let half = 0.5 * f64::from(self.height) * self.aspect.min(1.0) * self.pixel(point);
         let projected = self.camera.project(point, self.aspect);
-        projected.is_some_and(|at| at.abs().max_element() < MARGIN)
+        projected.is_some_and(|at| at.abs().max_element() < MARGIN + reach / half)
     }
 }
 
@@ -65,7 +66,7 @@ struct NearTest<'a> {
 impl NearTest<'_> {
     /// Whether a point lies within the picture and its margin, and yarns are wide enough there.
     fn is_near(&self, point: &DVec3) -> bool {
-        self.frame.holds(*point) && self.widest > self.near * self.frame.pixel(*point)
+        self.frame.contains(*point, 0.0) && self.widest > self.near * self.frame.pixel(*point)
     }
 }
 
@@ -166,7 +167,14 @@ fn with_fibre_looks(yarns: &[YarnLook], bundles: &[Bundle]) -> Vec<YarnLook> {
 
 /// The look of a fibre of this radius, mm, in a yarn of this look.
 pub(crate) fn fibre_look(yarn: &YarnLook, radius: f64) -> YarnLook {
-    YarnLook { radius: narrow(radius), plies: 1, twist_slope: Some(0.0), maps: None, ..*yarn }
+    YarnLook {
+        radius: narrow(radius),
+        plies: 1,
+        twist_slope: Some(0.0),
+        maps: None,
+        is_fibre: true,
+        ..*yarn
+    }
 }
 
 /// Bundles whose fibres are at least about a pixel thick and whose points fit in memory.

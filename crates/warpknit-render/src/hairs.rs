@@ -12,17 +12,23 @@ use warpknit_core::yarn::hairs::{Hairs, for_each_hair};
 
 use crate::Camera;
 use crate::fibres::{MIN_FIBRE_PIXELS, PictureFrame, controls, fibre_look, index16};
-use crate::scene::{Scene, SceneStrand};
+use crate::scene::{Scene, SceneStrand, YarnLook};
 
 /// Widths of a yarn in pixels: hairs begin to show at the first and are all there at the second. On a
 /// narrower yarn they would be a haze that no one tells from the yarn.
 const FADE: [f64; 2] = [8.0, 16.0];
-/// The largest number of hairs in a picture. It takes some 200 MB once rays are traced.
+/// The largest number of hairs in a picture. More become fewer and thicker ones.
 const MAX_HAIRS: f64 = 150_000.0;
+/// Memory of a hair: its points, and the pieces that rays are traced against.
+const HAIR_BYTES: f64 = 1000.0;
+/// Power of a yarn's base colour, 0..1, that is its hairs'. With this one cloth keeps its mean colour as
+/// hairs fade in: they are lighter than yarn, and their shadows are darker.
+const PALENESS: f32 = 0.67;
+/// How far beside the picture yarns have hairs, mm of cloth in life. Few are longer.
+const REACH: f64 = 2.0;
 
-/// A scene with the hairs that a picture shows. `close_up` is the scene of fibres that stands for the
-/// yarns in this picture, where there is one. Nothing where the picture shows no hair, and `close_up`
-/// is none.
+/// A scene with the hairs that a picture shows, or `close_up` where it shows none. `close_up` is the
+/// scene of fibres that stands for the yarns in this picture, where there is one.
 ///
 /// `bundles` has a bundle for each of the first looks. A yarn with textures shows its hairs in these,
 /// and gets no others. `size` is the picture's width and height in pixels.
@@ -40,31 +46,39 @@ pub fn with_hairs(
         .zip(&yarns.looks)
         .map(|(bundle, look)| bundle.hairs.filter(|_| look.maps.is_none()))
         .collect();
-    let widest = hairs.iter().flatten().map(|hairs| 2.0 * hairs.yarn).fold(0.0, f64::max);
+    let widest = hairs.iter().flatten().map(|hairs| 2.0 * hairs.yarn_radius).fold(0.0, f64::max);
     if widest <= FADE[0] * finest_pixel(yarns, camera, &frame) {
         return close_up;
     }
-    let seen = Visible::of(yarns, &hairs, &frame);
-    if seen.count == 0.0 {
-        return close_up;
-    }
-    let share = (MAX_HAIRS / seen.count).min(1.0);
+    let Some(hairs) = drawn(yarns, hairs, &frame) else { return close_up };
     let mut scene = close_up.unwrap_or_else(|| yarns.clone());
     let first_look = scene.looks.len();
-    let drawn: Vec<_> = hairs
-        .iter()
-        .map(|hairs| hairs.map(|hairs| hairs.at_least(MIN_FIBRE_PIXELS * seen.finest / 2.0)))
-        .collect();
-    for (look, hairs) in yarns.looks.iter().zip(&drawn) {
+    for (look, hairs) in yarns.looks.iter().zip(&hairs) {
         let radius = hairs.map_or(f64::from(look.radius), |hairs| hairs.radius);
-        scene.looks.push(fibre_look(look, radius));
+        scene.looks.push(hair_look(look, radius));
     }
     for strand in yarns.strands.iter().filter(|strand| !strand.is_shadow) {
-        let Some(Some(hairs)) = drawn.get(usize::from(strand.look)) else { continue };
+        let Some(Some(hairs)) = hairs.get(usize::from(strand.look)) else { continue };
         let look = index16(first_look) + strand.look;
-        add_hairs(&mut scene, strand, &controls(yarns, strand), (hairs, look), share, &frame);
+        add_hairs(&mut scene, strand, &controls(yarns, strand), (hairs, look), &frame);
     }
     Some(scene)
+}
+
+/// Memory of the hairs in a picture of a cloth, bytes. `length` is that of its yarns, mm, and `pixel`
+/// the size of a pixel on the cloth.
+#[must_use]
+pub fn bytes(bundles: &[Bundle], length: f64, pixel: f64) -> f64 {
+    let wide = bundles.iter().filter(|bundle| 2.0 * bundle.radius > FADE[0] * pixel);
+    let per_mm = wide.filter_map(|bundle| Some(bundle.hairs?.per_mm)).fold(0.0, f64::max);
+    HAIR_BYTES * (per_mm * length).min(MAX_HAIRS)
+}
+
+/// The look of a hair of this radius, mm, on a yarn of this look. Light meets many fibres before it
+/// leaves a yarn, and one in a hair, so a hair is paler.
+fn hair_look(yarn: &YarnLook, radius: f64) -> YarnLook {
+    let albedo = yarn.albedo.max(Vec3::ZERO).powf(PALENESS);
+    YarnLook { albedo, ..fibre_look(yarn, radius) }
 }
 
 /// Appends the hairs of a strand through `points`.
@@ -73,11 +87,11 @@ fn add_hairs(
     strand: &SceneStrand,
     points: &[DVec3],
     (hairs, look): (&Hairs, u16),
-    share: f64,
     frame: &PictureFrame<'_>,
 ) {
-    for (span, number) in (0..points.len().saturating_sub(1)).zip(strand.first..) {
-        let share = share * shown_share(hairs, points[span], frame);
+    let spans = (0..points.len().saturating_sub(1)).zip(strand.first..);
+    for (span, number) in spans.skip(strand.lead as usize) {
+        let share = shown_share(hairs, points[span], frame);
         if share == 0.0 {
             continue;
         }
@@ -92,10 +106,10 @@ fn add_hairs(
 
 /// The share of a yarn's hairs that is drawn at a point.
 fn shown_share(hairs: &Hairs, point: DVec3, frame: &PictureFrame<'_>) -> f64 {
-    if !frame.holds(point) {
+    if !frame.contains(point, REACH * hairs.scale) {
         return 0.0;
     }
-    let width = 2.0 * hairs.yarn / frame.pixel(point);
+    let width = 2.0 * hairs.yarn_radius / frame.pixel(point);
     ((width - FADE[0]) / (FADE[1] - FADE[0])).clamp(0.0, 1.0)
 }
 
@@ -107,27 +121,37 @@ fn finest_pixel(yarns: &Scene, camera: &Camera, frame: &PictureFrame<'_>) -> f64
     })
 }
 
-/// The hairs that a picture shows.
-struct Visible {
-    /// Their number.
-    count: f64,
-    /// The smallest pixel on their yarns, mm.
-    finest: f64,
-}
-
-impl Visible {
-    fn of(yarns: &Scene, hairs: &[Option<Hairs>], frame: &PictureFrame<'_>) -> Self {
-        let mut seen = Self { count: 0.0, finest: f64::INFINITY };
-        for strand in yarns.strands.iter().filter(|strand| !strand.is_shadow) {
-            let Some(Some(hairs)) = hairs.get(usize::from(strand.look)) else { continue };
-            for ends in controls(yarns, strand).windows(2) {
-                let share = shown_share(hairs, ends[0], frame);
-                if share > 0.0 {
-                    seen.count += share * hairs.per_mm * ends[0].distance(ends[1]);
-                    seen.finest = seen.finest.min(frame.pixel(ends[0]));
-                }
+/// The hairs of each look as a picture draws them: no thinner than pixels can show, and no more than
+/// [`MAX_HAIRS`]. `None` where the picture shows none.
+fn drawn(
+    yarns: &Scene,
+    hairs: Vec<Option<Hairs>>,
+    frame: &PictureFrame<'_>,
+) -> Option<Vec<Option<Hairs>>> {
+    let (mut lengths, mut finest) = (vec![0.0; hairs.len()], f64::INFINITY);
+    for strand in yarns.strands.iter().filter(|strand| !strand.is_shadow) {
+        let Some(Some(hairs)) = hairs.get(usize::from(strand.look)) else { continue };
+        let points = controls(yarns, strand);
+        for ends in points.windows(2).skip(strand.lead as usize) {
+            let share = shown_share(hairs, ends[0], frame);
+            if share > 0.0 {
+                // In numbers of hairs, which are limited on a stray span.
+                lengths[usize::from(strand.look)] +=
+                    share * hairs.between(ends[0].distance(ends[1])) / hairs.per_mm;
+                finest = finest.min(frame.pixel(ends[0]));
             }
         }
-        seen
     }
+    if !finest.is_finite() {
+        return None;
+    }
+    let visible = |hairs: Hairs| hairs.at_least(MIN_FIBRE_PIXELS * finest / 2.0);
+    let hairs: Vec<_> = hairs.into_iter().map(|hairs| hairs.map(visible)).collect();
+    let numbers = hairs
+        .iter()
+        .zip(&lengths)
+        .map(|(hairs, length)| hairs.map_or(0.0, |it| it.per_mm) * length);
+    let excess = (numbers.sum::<f64>() / MAX_HAIRS).max(1.0);
+    let fewer = |hairs: Hairs| hairs.at_least(hairs.radius * excess);
+    Some(hairs.into_iter().map(|hairs| hairs.map(fewer)).collect())
 }

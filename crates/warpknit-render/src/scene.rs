@@ -53,6 +53,8 @@ pub struct YarnLook {
     /// Index of its textures in [`Scene::maps`]. A yarn without textures gets procedural plies and
     /// fibres.
     pub maps: Option<u16>,
+    /// Whether it is a single fibre, which has no thick and thin places.
+    pub is_fibre: bool,
 }
 
 impl YarnLook {
@@ -68,6 +70,7 @@ impl YarnLook {
             twist_slope: None,
             sheen: 0.0,
             maps: None,
+            is_fibre: false,
         }
     }
 }
@@ -336,6 +339,7 @@ impl Scene {
     pub fn thickness(&self, strand: &SceneStrand, point: u32) -> f32 {
         match self.evenness {
             Evenness::Regular => 1.0,
+            Evenness::Uneven if self.looks[usize::from(strand.look)].is_fibre => 1.0,
             Evenness::Uneven => {
                 let along = strand.first + i64::from(point) - i64::from(strand.points.start);
                 evenness::thickness(YarnId(strand.yarn), along)

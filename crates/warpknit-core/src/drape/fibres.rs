@@ -27,8 +27,8 @@ pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
         let slope = yarn.twist_slope().unwrap_or_else(|| MIDDLING_SLOPE.into());
         let (radius, times) = (radius * thickness, fabric.enlargement);
         let hairs = yarn.hairiness.filter(|hairiness| *hairiness > 0.0);
-        let hairs = hairs.map(|mm| Hairs::of(mm, radius, fibre * times, slope, times));
         let bundle = Bundle::filling(radius, yarn.packing, fibre * times, slope);
+        let hairs = hairs.map(|hairiness| Hairs::of(hairiness, &bundle, times));
         bundles.push(Bundle { hairs, ..bundle });
     }
     bundles
