@@ -12,7 +12,7 @@ knit drape meshes/tshirt.obj --fabric tulle-5 --enlarge 5 --body meshes/tshirt_b
 knit drape meshes/tshirt.obj --fabric tulle-5 --background '#203040' --loupe off --size 800x600 -o docs/sheer.png
 sides locknit front
 sides locknit back
-knit swatch --fabric jersey --view front --wales 8 --courses 9 --size 800x600 --spp 16 -o docs/hairs.png
+knit drape meshes/tshirt.obj --fabric jersey --zoom 120 --size 800x600 --spp 16 -o docs/hairs.png
 knit swatch --fabric hex-net-5 --wales 14 --courses 20 --size 800x600 --spp 16 -o docs/net.png
 knit swatch --fabric locknit --wales 8 --courses 9 --shape ribbon --texture meshes/yarns/two-ply --size 800x600 --spp 16 -o docs/ribbon.png
 knit swatch --fabric cable --wales 32 --courses 36 --size 1000x920 --spp 8 -o docs/cable.png

@@ -6,7 +6,7 @@ use std::ffi::CString;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::PathBuf;
 
-use pyo3::exceptions::PyUserWarning;
+use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use warpknit::fabric::yarn::Count;
@@ -45,26 +45,21 @@ impl Texts {
     }
 }
 
-/// A fabric, or the name of a built-in one.
-#[derive(FromPyObject)]
-pub(crate) enum FabricOrName<'py> {
-    Fabric(PyRef<'py, Fabric>),
-    Name(String),
-}
-
-impl FabricOrName<'_> {
-    /// The fabric that it is.
-    ///
-    /// # Errors
-    /// `FabricError` if there is none of that name.
-    pub(crate) fn fabric(self) -> PyResult<fabric::Fabric> {
-        match self {
-            Self::Fabric(fabric) => Ok(fabric.fabric.clone()),
-            Self::Name(name) => {
-                fabric::Fabric::named(&name).map_err(|error| error::of_fabric(&error, None))
-            }
-        }
+/// The fabric that a user has given: a `Fabric`, or the name of a built-in one.
+///
+/// # Errors
+/// `FabricError` if there is none of that name, `TypeError` for anything else.
+pub(crate) fn given(fabric: &Bound<'_, PyAny>) -> PyResult<fabric::Fabric> {
+    if let Ok(fabric) = fabric.cast::<Fabric>() {
+        return Ok(fabric.get().fabric.clone());
     }
+    let Ok(name) = fabric.extract::<String>() else {
+        return Err(PyTypeError::new_err(format!(
+            "fabric is of type {}, but must be a Fabric or the name of a built-in one",
+            fabric.get_type().name()?
+        )));
+    };
+    fabric::Fabric::named(&name).map_err(|error| error::of_fabric(&error, None))
 }
 
 /// Warns the Python user.

@@ -17,7 +17,7 @@ use warpknit::pipeline::{
 use warpknit::{fabric, garment};
 
 use crate::error;
-use crate::fabric::{FabricOrName, warn};
+use crate::fabric::{given, warn};
 use crate::garment::Garment;
 use crate::laid::{Laid, lay};
 use crate::names;
@@ -72,7 +72,7 @@ impl From<Fault> for PyErr {
 pub(crate) fn drape(
     py: Python<'_>,
     garment: &Garment,
-    fabric: FabricOrName<'_>,
+    fabric: &Bound<'_, PyAny>,
     wales_per_cm: Option<f64>,
     mapping: &str,
     courses_per_cm: Option<f64>,
@@ -100,7 +100,7 @@ pub(crate) fn drape(
         cache: cache_folder(),
         ..Settings::default()
     };
-    let named = densities.of_fabric(fabric.fabric()?);
+    let named = densities.of_fabric(given(fabric)?);
     let named = named.map_err(|error| error::of_fabric(&error, None))?;
     let work = || laid(&garment.garment, &named, &settings);
     let (draped, shown, laid, notes) = py.detach(work)?;
@@ -162,13 +162,13 @@ fn laid(
 #[pyo3(signature = (fabric, wales=14, courses=16))]
 pub(crate) fn swatch(
     py: Python<'_>,
-    fabric: FabricOrName<'_>,
+    fabric: &Bound<'_, PyAny>,
     wales: i64,
     courses: i64,
 ) -> PyResult<Yarns> {
     let sides = 1..=MOST_SWATCH;
     let (wales, courses) = (whole("wales", wales, &sides)?, whole("courses", courses, &sides)?);
-    let fabric = &fabric.fabric()?;
+    let fabric = &given(fabric)?;
     let laid = py.detach(|| -> Result<Laid, Fault> {
         let panel = swatch_panel(fabric, wales, courses);
         let cloth = Cloth::swatch(&panel, fabric, wales, courses);

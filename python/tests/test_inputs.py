@@ -46,6 +46,7 @@ def test_chains() -> None:
     ("chains", "keywords", "words"),
     [
         ([], {}, "no chains"),
+        ("", {}, "chain is empty"),
         (["1-0/1-7//"], {}, "overlap over 6 needles"),
         (["1-0/1-2//"], {"threading": "Ix"}, "no threading mark"),
         (["1-0/1-2//"], {"threading": ["I", ".I"]}, "2 marks for 1 chains"),
@@ -54,7 +55,7 @@ def test_chains() -> None:
         (["1-0/1-2//"], {"wales_per_cm": 0.0}, "wales_per_cm"),
     ],
 )
-def test_chains_that_are_refused(chains: list[str], keywords: dict[str, object], words: str) -> None:
+def test_chains_that_are_refused(chains: str | list[str], keywords: dict[str, object], words: str) -> None:
     with pytest.raises(warpknit.FabricError, match=words) as caught:
         warpknit.Fabric.from_chains(chains, **keywords)  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
@@ -102,6 +103,8 @@ def test_a_name_is_a_built_in_fabric() -> None:
     assert warpknit.drape(garment, "jersey", 2.0).fabric.name == "jersey"
     with pytest.raises(warpknit.FabricError, match="did you mean 'jersey'"):
         warpknit.drape(garment, "jersye")
+    with pytest.raises(TypeError, match="^fabric is of type int, but must be a Fabric or the name of a built-in one$"):
+        warpknit.swatch(5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("times", [0.0, -2.0, float("nan"), float("inf")])
