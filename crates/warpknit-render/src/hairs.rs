@@ -97,7 +97,7 @@ fn add_hairs(
         }
         let mut take = |hair: &[Vec3]| {
             scene.push_strand(hair.iter().copied(), look);
-            // A hair is as light as its yarn.
+            // Its yarn decides how far it is off the mean lightness.
             scene.strands.last_mut().expect("added just now").yarn = strand.yarn;
         };
         for_each_hair(hairs, points, span, (strand.yarn, number), share, &mut take);

@@ -1,7 +1,7 @@
 //! Blocks of fibres in place of blocks of yarns, for files.
 //!
-//! In: a fabric's yarns, as [`Block`]s. Out: the same with one strand for each fibre and each hair. Cost: linear
-//! in the fibres' points.
+//! In: a fabric's yarns, as [`Block`]s. Out: the same with one strand for each fibre and each hair.
+//! Cost: linear in the fibres' points.
 //!
 //! Not promised: data points of fibres. They have none, and their stitches are those of their
 //! yarns.
