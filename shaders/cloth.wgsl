@@ -62,12 +62,10 @@ fn moments_at(map: texture_2d<f32>, place: vec2f) -> vec3f {
     return vec3f(origin + mean, max(sums.y / max(sums.z, TINY) - mean * mean, 0.0), sums.z);
 }
 
-// Visibility of the sun: Chebyshev's upper bound of the fraction of the filtered depths that lie
-// behind the point (Donnelly and Lauritzen 2006, eq. 5).
-fn sun_visibility(world: vec3f) -> f32 {
-    let place = view.sun_from_world * vec4f(world, 1.0);
-    let m = moments_at(sun_map, place.xy);
-    let behind = place.z - view.sun_bias - m.x;
+// Visibility of the sun past what lies at least `bias` before a point: Chebyshev's upper bound of
+// the fraction of the filtered depths that lie behind the point (Donnelly and Lauritzen 2006, eq. 5).
+fn visibility_past(m: vec3f, depth: f32, bias: f32) -> f32 {
+    let behind = depth - bias - m.x;
     if behind <= 0.0 || m.z <= 0.0 {
         return 1.0;
     }
@@ -77,16 +75,28 @@ fn sun_visibility(world: vec3f) -> f32 {
     return 1.0 - m.z * (1.0 - saturate((bound - LIGHT_BLEEDING) / (1.0 - LIGHT_BLEEDING)));
 }
 
+// Visibility of the sun. From afar the map's texels are wider than yarns: it tells of distant cloth
+// only, and a mean share stands for the yarns of the same cloth.
+fn sun_visibility(world: vec3f) -> f32 {
+    let place = view.sun_from_world * vec4f(world, 1.0);
+    let m = moments_at(sun_map, place.xy);
+    let mapped = visibility_past(m, place.z, view.sun_bias);
+    let distant = visibility_past(m, place.z, view.sun_bias + view.layer);
+    return mix(mapped, view.near_sunshine * distant, view.far);
+}
+
 // Radiance of the sky in a unit direction: a linear gradient.
 fn sky(direction: vec3f) -> vec3f {
     return mix(view.sky_below, view.sky_above, 0.5 + 0.5 * dot(direction, view.zenith));
 }
 
-// Visibility of the sky at a depth, from the cloth's mean depth around it.
+// Visibility of the sky at a depth, from the cloth's mean depth around it, or from afar by the mean.
 fn sky_visibility_at(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
     let m = moments_at(depth_map, (at + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
     let before = (m.x - depth) / radius;
-    return sky_visibility(before, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
+    let mapped = sky_visibility(before, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
+    let mean = saturate(view.near_open.x + view.near_open.y * cosine);
+    return mix(mapped, mean, view.far);
 }
 
 // Light of sun and sky reflected to the eye. The tube's own normal is `outward`, and `sun_brdf` is
@@ -113,7 +123,8 @@ fn reflected_light(
     let mirror = reflect(-toward_eye, material.normal);
     // The sky is linear in the direction's height. So its cosine-weighted mean over the hemisphere
     // is its value two thirds of the way from the horizontal to the normal.
-    let above = sky(material.normal * (2.0 / 3.0)) * open + view.interior * (1.0 - open);
+    let visible = sky(material.normal * (2.0 / 3.0)) * mix(1.0, view.near_brightness, view.far);
+    let above = visible * open + view.interior * (1.0 - open);
     var skylight = diffuse(material, mirrored) * above + mirrored * sky(mirror) * open;
     if SHEEN {
         skylight = skylight * sheen_base_share_under_sky(material.sheen, cosine)
@@ -169,7 +180,7 @@ fn map_texel(place: vec2f, footprint: vec2f) -> Texel {
 // The direction, across the yarn toward the eye, in which the tube that a strip stands for bulges.
 // Arguments are unit vectors at right angles.
 fn front_of_strip(width: vec3f, tangent: vec3f, toward_eye: vec3f) -> vec3f {
-    let front = cross(width, tangent);
+    let front = unit(cross(width, tangent));
     return front * sign(dot(front, toward_eye));
 }
 
@@ -266,7 +277,8 @@ fn discard_fuzz(in: Surface) {
 // yarn by their mean.
 struct Lit {
     @builtin(position) clip: vec4f,
-    @location(0) light: vec3f,
+    // A pixel's centre may lie far outside of a thin strip, where extrapolated light would be a speck.
+    @location(0) @interpolate(perspective, centroid) light: vec3f,
 }
 
 // Node of the quadrature, 1 / sqrt(3).

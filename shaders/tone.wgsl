@@ -11,7 +11,8 @@ struct Tone {
     exposure: f32,
     // Texels of light per pixel, each way. A margin one pixel wide surrounds the picture.
     scale: i32,
-    spare: vec2f,
+    // The target's pixel at which the picture's part begins.
+    corner: vec2i,
 }
 
 @group(0) @binding(0) var<uniform> tone: Tone;
@@ -59,7 +60,7 @@ fn filtered(pixel: vec2i) -> vec4f {
 
 @fragment
 fn tone_map(@builtin(position) at: vec4f) -> @location(0) vec4f {
-    let light = filtered(vec2i(at.xy));
+    let light = filtered(vec2i(at.xy) - tone.corner);
     let coverage = saturate(light.w);
     var yarn = vec3f(0.0);
     if light.w > 0.0 {

@@ -29,7 +29,14 @@ struct ViewUniform {
     sun_bias: f32,
     // Thickness of a layer of cloth, mm.
     layer: f32,
-    spare: vec2f,
+    // What yarns of the same cloth leave visible on average: of the sky a constant and a factor on
+    // the cosine of normal and eye, its brightness over that of the whole sky, and the sun's share.
+    near_open: vec2f,
+    near_brightness: f32,
+    near_sunshine: f32,
+    // How far these means take the place of the depth maps, which are too coarse from afar, 0..1.
+    far: f32,
+    spare: f32,
 }
 
 struct LookData {

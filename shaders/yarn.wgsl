@@ -89,17 +89,47 @@ fn unpack_unit(bits: u32) -> vec3f {
     return normalize(vec3f(select(folded, flat, z >= 0.0), z));
 }
 
+// The points that a step goes to before and after a point of a chunk. At its ends they are the same.
+fn neighbours(at: u32, chunk: Chunk) -> vec2u {
+    let low = max(at, chunk.first + draw.stride) - draw.stride;
+    return vec2u(low, min(at + draw.stride, chunk.first + chunk.count));
+}
+
 // Factor on the radius so that a chord covers the same area as the winding path that it replaces:
 // arc length over chord length.
-fn widening(at: u32, chunk: Chunk) -> f32 {
+fn widening(at: u32, near: vec2u) -> f32 {
     if draw.stride == 1u {
         return 1.0;
     }
-    let low = max(at, chunk.first + draw.stride) - draw.stride;
-    let high = min(at + draw.stride, chunk.first + chunk.count);
     let here = points[at].xyz;
-    let chords = distance(points[low].xyz, here) + distance(here, points[high].xyz);
-    return clamp((points[high].w - points[low].w) / max(chords, 1e-6), 1.0, MAX_WIDENING);
+    let chords = distance(points[near.x].xyz, here) + distance(here, points[near.y].xyz);
+    return clamp((points[near.y].w - points[near.x].w) / max(chords, 1e-6), 1.0, MAX_WIDENING);
+}
+
+// The direction of a strip at a point: the mean of its steps. Their light is that of the straight
+// steps, as they hide others and cast shadows; the curve's tangent would light surfaces that they
+// do not have.
+fn along_steps(at: u32, near: vec2u) -> vec3f {
+    let here = points[at].xyz;
+    return unit(unit(here - points[near.x].xyz) + unit(points[near.y].xyz - here));
+}
+
+// A unit vector, or zero.
+fn unit(v: vec3f) -> vec3f {
+    return select(vec3f(0.0), normalize(v), dot(v, v) > 0.0);
+}
+
+// The joint of a strip's steps at a point: its unit direction across, in the plane that faces the eye,
+// times a factor on the radius. A mitre joint keeps a step's width where the strip turns, as joints
+// along the curve's tangents don't: seen from afar, cloth would lose a third of its cover.
+fn mitre(at: u32, near: vec2u, toward: vec3f) -> vec3f {
+    let here = points[at].xyz;
+    let before = cross(here - points[near.x].xyz, toward);
+    let after = cross(points[near.y].xyz - here, toward);
+    let middle = unit(before) + unit(after);
+    // At an end of the chunk there is one step, and the middle is its direction.
+    let share = length(middle) / select(2.0, 1.0, near.x == at || near.y == at);
+    return unit(middle) / max(share, 1.0 / MAX_WIDENING);
 }
 
 // Factor on the radius at one of the places along a chunk that have their own.
@@ -132,7 +162,8 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
     out.across = across;
     out.along = points[at].w;
     let share = f32(at - chunk.first) / f32(chunk.count);
-    out.radius = look.radius * thickness(chunk, share) * widening(at, chunk);
+    let near = neighbours(at, chunk);
+    out.radius = look.radius * thickness(chunk, share) * widening(at, near);
     out.lightness = 1.0 + MOST_UNEVEN * unpack4x8snorm(chunk.lightness).x;
     out.look = chunk.look;
     out.seed = part / PARTS;
@@ -151,14 +182,18 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
         out.side = edge * 2.0 - 1.0;
         // A strip faces the eye. A ribbon lies in the fabric's plane, across its normal.
         let toward = view.eye.xyz - centre * view.eye.w;
-        let facing = select(toward, across, SHAPE == RIBBON);
-        let width = cross(tangent, facing);
-        let direction = select(vec3f(0.0), normalize(width), dot(width, width) > 0.0);
-        out.normal = select(direction, across, SHAPE == RIBBON);
-        out.world = centre + direction * (out.side * out.radius);
+        var width = vec3f(0.0);
         if SHAPE == STRIP {
-            out.world += normalize(toward) * (MEAN_RISE * out.radius);
+            width = mitre(at, near, toward);
+            out.normal = unit(width);
+            out.tangent = along_steps(at, near);
+            out.world = centre + normalize(toward) * (MEAN_RISE * out.radius);
+        } else {
+            width = unit(cross(tangent, across));
+            out.normal = across;
+            out.world = centre;
         }
+        out.world += width * (out.side * out.radius);
     }
     out.clip = view.clip_from_world * vec4f(out.world, 1.0);
     return out;

@@ -252,6 +252,16 @@ impl Scene {
         });
     }
 
+    /// Appends some points of another scene's strand as a strand with its look, with one more point on
+    /// each side, which gives the curve its direction there.
+    pub(crate) fn push_part(&mut self, of: &Self, strand: usize, points: Range<u32>) {
+        let SceneStrand { points: all, look, .. } = &of.strands[strand];
+        let (start, end) =
+            (points.start.saturating_sub(1).max(all.start), all.end.min(points.end + 1));
+        let positions = &of.positions[start as usize..end as usize];
+        self.push_strand(positions.iter().copied(), *look);
+    }
+
     /// The textures of a look, if it has any.
     #[must_use]
     pub fn maps_of(&self, look: &YarnLook) -> Option<&Maps> {

@@ -14,6 +14,8 @@
 pub(crate) mod backdrop;
 mod film;
 pub(crate) mod lit;
+#[cfg(feature = "gpu")]
+pub(crate) mod patches;
 mod raytrace;
 mod sample;
 mod splat;

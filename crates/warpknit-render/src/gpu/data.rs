@@ -36,7 +36,11 @@ pub(super) struct ViewUniform {
     pub(super) corner_y: f32,
     pub(super) sun_bias: f32,
     pub(super) layer: f32,
-    pub(super) spare: Vec2,
+    pub(super) near_open: Vec2,
+    pub(super) near_brightness: f32,
+    pub(super) near_sunshine: f32,
+    pub(super) far: f32,
+    pub(super) spare: f32,
 }
 
 /// `LookData` of `shaders/view.wgsl`.
@@ -106,7 +110,7 @@ pub(super) struct Tone {
     pub(super) background: Vec4,
     pub(super) exposure: f32,
     pub(super) scale: i32,
-    pub(super) spare: Vec2,
+    pub(super) corner: [i32; 2],
 }
 
 #[cfg(test)]
@@ -156,13 +160,14 @@ mod tests {
         let twins = [
             layout!(ViewUniform: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun,
                 tile_width, zenith, tile_height, sky_above, depth_scale, sky_below, corner_x,
-                interior, corner_y, sun_bias, layer, spare),
+                interior, corner_y, sun_bias, layer, near_open, near_brightness,
+                near_sunshine, far, spare),
             layout!(LookData: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope,
                 repeat, sheen, spare),
             layout!(Chunk: first, count, look, lightness, thickness),
             layout!(Draw: first, stride, edges, spare),
             layout!(Blur: step, reach, sigma, near, far, perspective, layer),
-            layout!(Tone: background, exposure, scale, spare),
+            layout!(Tone: background, exposure, scale, corner),
         ];
         for (name, twin) in twins {
             let shader = in_shaders(name);

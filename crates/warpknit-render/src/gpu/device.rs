@@ -1,7 +1,7 @@
 //! The graphics device: its adapter, its limits, and its errors.
 //!
-//! In: whether a software adapter will do. Out: a [`Gpu`] ready to draw, or a [`GpuError`] that
-//! says what to do. Errors of the device do not panic: those that no call returns are recorded, and
+//! In: whether a software adapter will do. Out: a [`Gpu`] ready to draw, which all renderers of the
+//! process share, or a [`GpuError`] that says what to do. Errors of the device do not panic: those that no call returns are recorded, and
 //! [`Gpu::fault`] returns the first one.
 
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,11 +15,15 @@ pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     name: String,
+    /// Whether it computes on the CPU.
+    is_software: bool,
     fault: Arc<Mutex<Option<GpuError>>>,
 }
 
-/// Held while a device is opened: drivers are silenced for the whole process meanwhile. And tests that
-/// opened eight and more devices at once hung on a graphics card, where four did not.
+/// The device that all renderers of the process share. Opening one takes a second, and drivers of graphics
+/// cards hung where eight and more were open at once.
+static SHARED: Mutex<Option<Gpu>> = Mutex::new(None);
+/// Held while a device is opened: drivers are silenced for the whole process meanwhile.
 static OPENING: Mutex<()> = Mutex::new(());
 
 /// Formats that the passes render to, and the usages they need.
@@ -30,12 +34,24 @@ const TARGETS: [(wgpu::TextureFormat, wgpu::TextureUsages); 3] = [
 ];
 
 impl Gpu {
-    /// The fastest adapter. One that computes on the CPU is accepted only if `software` is set.
+    /// The process' device on the fastest adapter. One that computes on the CPU is accepted only if
+    /// `software` is set. After an error of the device, a new one is opened.
     ///
     /// # Errors
     /// No adapter, or one that refuses a device or lacks a capability.
     pub fn find(software: bool) -> Result<Self, GpuError> {
-        let _alone = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        let gpu = match shared.take().filter(|gpu| gpu.fault().is_ok()) {
+            Some(gpu) => gpu,
+            None => Self::alone(software)?,
+        };
+        let gpu = shared.insert(gpu);
+        if gpu.is_software && !software { Err(GpuError::NoAdapter) } else { Ok(gpu.clone()) }
+    }
+
+    /// A device of its own on the fastest adapter.
+    pub(super) fn alone(software: bool) -> Result<Self, GpuError> {
+        let _one = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
         #[cfg(unix)]
         let _silent = super::silence::SilentStderr::begin();
         let mut descriptor = InstanceDescriptor::new_without_display_handle();
@@ -84,7 +100,8 @@ impl Gpu {
         if let Some(lacking) = missing_capability(adapter, &device) {
             return Err(GpuError::Lacking { adapter: name, lacking });
         }
-        let gpu = Self { device, queue, name, fault: Arc::default() };
+        let is_software = adapter.get_info().device_type == DeviceType::Cpu;
+        let gpu = Self { device, queue, name, is_software, fault: Arc::default() };
         // Both callbacks outlive this function, so each owns its handles.
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
         gpu.device.on_uncaptured_error(Arc::new(move |error| {
@@ -184,4 +201,22 @@ fn from_wgpu_error(adapter: &str, error: &wgpu::Error) -> GpuError {
 /// The first line of a driver's message.
 fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parity::{adapter, adapter_to_break};
+    use super::*;
+
+    #[test]
+    fn renderers_share_a_device_that_works() {
+        let test = "renderers_share_a_device_that_works";
+        let (Some(gpu), Some(broken)) = (adapter(test), adapter_to_break(test)) else { return };
+        record_fault(&broken.fault, GpuError::NoAdapter);
+        let is_same = |one: &Gpu, other: &Gpu| Arc::ptr_eq(&one.fault, &other.fault);
+        assert!(is_same(&gpu, &Gpu::find(true).unwrap()) && !is_same(&gpu, &broken));
+        *SHARED.lock().unwrap() = Some(broken.clone());
+        let next = Gpu::find(true).unwrap();
+        assert!(!is_same(&next, &broken) && next.fault().is_ok());
+    }
 }

@@ -12,6 +12,7 @@ use super::Yarns;
 use super::data;
 use super::lod::{Frustum, visible_chunks};
 use super::pages::Page;
+use crate::cpu::patches::NearLight;
 use crate::shade::LAYER_RADII;
 use crate::{Camera, RenderOptions};
 
@@ -38,6 +39,17 @@ const MAX_DEPTH_TEXELS: f32 = 2048.0;
 /// Standard deviation of that filter in texels, which sets the map's resolution. With fewer, the
 /// Gaussian is badly sampled.
 const DEPTH_TEXELS: f32 = 2.5;
+/// Width of the thinnest yarn in texels of a picture, each of which takes four samples. With less, cloth at
+/// true gauge is full of noise.
+const TEXELS_A_YARN: f32 = 1.0;
+/// Sizes of a pixel, radii of the thinnest yarn, between which means take the place of what depth maps
+/// tell of neighbouring yarns. In smaller pixels the maps tell it well.
+const FAR_PIXELS: [f32; 2] = [2.5, 6.0];
+/// Squares across and down in which the nearest depths are known.
+const SQUARES: usize = 64;
+/// How much deeper than the nearest a chunk in such a square may be and still belong to the same layer,
+/// as a fraction of the depth: about three squares, for cloth that is seen at 70 degrees.
+const LAYER_DEPTH: f32 = 0.03;
 /// The near and far planes lie this factor beyond the yarns, against rounding.
 const PLANE_MARGIN: f32 = 1.001;
 
@@ -64,6 +76,8 @@ pub(super) struct FrameSetup {
     pub(super) depth: DepthMap,
     /// Uniforms that all tiles share.
     pub(super) view: data::ViewUniform,
+    /// Texels a pixel each way with which the thinnest yarn is wide enough.
+    pub(super) scale: u32,
 }
 
 /// Smallest and largest distance of the yarns along a direction, from a point.
@@ -109,6 +123,9 @@ impl FrameSetup {
         )?;
         let depth = depth_map(frustum, thinnest, pixel_there, near, far, options);
         let texel = sun.0.frustum.pixel;
+        let far = farness(pixel_there / thinnest);
+        let near_light = (far > 0.0).then(|| near_light(yarns, &frustum, camera, options));
+        let NearLight { open, brightness, sunshine } = near_light.unwrap_or_default();
         let view = data::ViewUniform {
             clip_from_world,
             sun_from_world: sun.1,
@@ -123,9 +140,68 @@ impl FrameSetup {
             interior: rig.interior * yarns.albedo,
             layer: LAYER_RADII * thinnest,
             sun_bias: (SUN_BIAS_RADII * thinnest).max(0.5 * texel),
+            near_open: open.into(),
+            near_brightness: brightness,
+            near_sunshine: sunshine,
+            far,
             ..data::ViewUniform::zeroed()
         };
-        Some(Self { camera: frustum, sun: sun.0, depth, view })
+        let scale = texels(TEXELS_A_YARN * pixel_there / (2.0 * thinnest));
+        Some(Self { camera: frustum, sun: sun.0, depth, view, scale })
+    }
+}
+
+/// How far depth maps are too coarse to tell yarns apart, 0..1, for a pixel of so many radii.
+fn farness(pixel: f32) -> f32 {
+    let [near, far] = FAR_PIXELS;
+    ((pixel - near) / (far - near)).clamp(0.0, 1.0)
+}
+
+/// What yarns leave visible to each other where the camera sees them.
+fn near_light(
+    yarns: &Yarns,
+    frustum: &Frustum,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> NearLight {
+    let centre = yarns.centre.as_vec3();
+    let nearest = NearestDepths::new(&yarns.pages, frustum);
+    yarns.patches.light(camera, options, |place| nearest.is_visible(place - centre))
+}
+
+/// The nearest depths of chunks in squares of the picture.
+struct NearestDepths {
+    clip_from_world: Mat4,
+    squares: Vec<f32>,
+}
+
+impl NearestDepths {
+    fn new(pages: &[Page], frustum: &Frustum) -> Self {
+        let mut nearest = Self {
+            clip_from_world: frustum.clip_from_world,
+            squares: vec![f32::INFINITY; SQUARES * SQUARES],
+        };
+        for bounds in pages.iter().flat_map(|page| &page.chunk_bounds) {
+            if let Some((square, depth)) = nearest.place(bounds.centre) {
+                nearest.squares[square] = nearest.squares[square].min(depth);
+            }
+        }
+        nearest
+    }
+
+    /// The square of a point in the picture, and its depth, mm.
+    fn place(&self, point: Vec3) -> Option<(usize, f32)> {
+        let clip = self.clip_from_world * point.extend(1.0);
+        let at = (clip.truncate().truncate() / clip.w * 0.5 + 0.5) * SQUARES as f32;
+        let is_inside = clip.w > 0.0 && at.cmpge(Vec2::ZERO).all();
+        let [x, y] = at.as_uvec2().to_array().map(|index| index as usize);
+        (is_inside && x < SQUARES && y < SQUARES).then_some((y * SQUARES + x, clip.w))
+    }
+
+    /// Whether no cloth lies far before a point.
+    fn is_visible(&self, point: Vec3) -> bool {
+        self.place(point)
+            .is_some_and(|(square, depth)| depth <= self.squares[square] * (1.0 + LAYER_DEPTH))
     }
 }
 
@@ -195,7 +271,7 @@ fn depth_map(
     let frustum = Frustum { pixel: camera.pixel / scale, ..camera };
     DepthMap {
         frustum,
-        size: [options.width, options.height].map(|pixels| scaled(pixels, scale)),
+        size: [options.width, options.height].map(|pixels| texels(pixels as f32 * scale)),
         sigma,
         near,
         far,
@@ -203,11 +279,10 @@ fn depth_map(
     }
 }
 
-/// A number of pixels as texels of a smaller map.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most half of it")]
-fn scaled(pixels: u32, scale: f32) -> u32 {
-    let texels = (pixels as f32 * scale).ceil() as u32;
-    texels.max(1)
+/// A whole number of texels, at least one.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+fn texels(size: f32) -> u32 {
+    (size.ceil() as u32).max(1)
 }
 
 /// An affine matrix by its upper three rows.

@@ -28,8 +28,6 @@ const STRIP_PIXELS: f32 = 1.25;
 /// Tolerance of a cross-section's polygon against its circle, pixels. Larger ones show corners in
 /// the outline.
 const SECTION_ERROR: f32 = 0.1;
-/// Longest step, points: an instance then covers a whole chunk.
-const MAX_STRIDE: u32 = PARTS;
 
 /// A view of the yarns: its projection and the size of its pixels.
 #[derive(Clone, Copy, Debug)]
@@ -175,17 +173,18 @@ impl LodRules {
             Shape::Tube if options.lod => edges(radius, pixel, options.sr),
             Shape::Tube => options.sr,
         };
-        let stride = if options.lod { stride(bounds.piece, pixel) } else { 1 };
+        let stride =
+            if options.lod { stride(bounds.piece, pixel, bounds.most_stride.into()) } else { 1 };
         BatchKey { edges, maps, stride }
     }
 }
 
-/// The smallest power of two that makes a step at least a pixel long, up to [`MAX_STRIDE`].
-fn stride(piece: f32, pixel: f32) -> u32 {
+/// The smallest power of two that makes a step at least a pixel long, up to `most`.
+fn stride(piece: f32, pixel: f32, most: u32) -> u32 {
     let mut stride = 1;
     let mut step = piece;
     // Powers of two divide a chunk's steps evenly.
-    while step < pixel && stride < MAX_STRIDE {
+    while step < pixel && stride < most {
         stride *= 2;
         step *= 2.0;
     }
@@ -216,15 +215,16 @@ mod tests {
 
     #[test]
     fn no_step_is_shorter_than_a_pixel_and_none_is_twice_as_long_as_need_be() {
-        for (piece, pixel, expected) in [
-            (1.0, 0.5, 1),
-            (1.0, 1.0, 1),
-            (1.0, 1.1, 2),
-            (1.0, 3.9, 4),
-            (1.0, 4.1, 8),
-            (0.0, 1.0, 32),
+        for (piece, pixel, most, expected) in [
+            (1.0, 0.5, 32, 1),
+            (1.0, 1.0, 32, 1),
+            (1.0, 1.1, 32, 2),
+            (1.0, 3.9, 32, 4),
+            (1.0, 4.1, 32, 8),
+            (1.0, 4.1, 4, 4),
+            (0.0, 1.0, 32, 32),
         ] {
-            assert_eq!(stride(piece, pixel), expected, "{piece} {pixel}");
+            assert_eq!(stride(piece, pixel, most), expected, "{piece} {pixel} {most}");
         }
     }
 

@@ -17,6 +17,8 @@
 
 mod data;
 mod device;
+#[cfg(test)]
+mod far;
 mod frame;
 mod lod;
 mod pages;
@@ -42,6 +44,7 @@ pub(crate) use uploaded::Uploaded;
 use super::maps::Mips;
 use super::{Background, Camera, RenderOptions, ply};
 use crate::GpuError;
+use crate::cpu::patches::Patches;
 use crate::scene::{Scene, Shape, YarnLook};
 use frame::{DepthMap, FrameSetup};
 use lod::{Frustum, LodRules};
@@ -85,8 +88,32 @@ pub struct Yarns {
     thinnest: f32,
     /// See [`Scene::mean_albedo`].
     albedo: Vec3,
+    /// What they leave visible to each other, for pictures from afar.
+    patches: Patches,
     /// Textures of each set of maps. The last entry stands for yarns without any.
     maps: Vec<wgpu::BindGroup>,
+}
+
+/// A frame's projections, and its filtered depths.
+type Geometry<'a> = (&'a FrameSetup, &'a wgpu::BindGroup);
+
+/// A part of a picture that is drawn at once.
+#[derive(Clone, Copy, Debug)]
+struct Tile {
+    /// Its first pixel.
+    corner: [u32; 2],
+    /// Pixels.
+    size: [u32; 2],
+    /// Texels a pixel each way.
+    scale: u32,
+}
+
+impl Tile {
+    /// Texels, with one more pixel on every side, because the reconstruction filter reaches into the
+    /// next tiles.
+    fn texels(self) -> [u32; 2] {
+        self.size.map(|pixels| (pixels + 2) * self.scale)
+    }
 }
 
 impl Renderer {
@@ -161,6 +188,7 @@ impl Renderer {
             looks,
             thinnest,
             albedo,
+            patches: Patches::new(scene),
             maps,
         })
     }
@@ -179,19 +207,12 @@ impl Renderer {
         let frame = FrameSetup::new(yarns, camera, options);
         let depth_maps =
             frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
-        // A tile's side in pixels, without its margin of one pixel on both sides.
-        let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d)
-            / supersampling(options)
-            - 2;
-        for y in (0..options.height).step_by(side as usize) {
-            for x in (0..options.width).step_by(side as usize) {
-                let size = [side.min(options.width - x), side.min(options.height - y)];
-                let tile = self.gpu.texture(PICTURE, size, TextureUsages::COPY_SRC, 1);
-                let view = tile.create_view(&wgpu::TextureViewDescriptor::default());
-                let geometry = frame.as_ref().zip(depth_maps.as_ref());
-                self.tile(yarns, geometry, options, [x, y], size, &view);
-                self.gpu.read(&tile, &mut picture, [x, y])?;
-            }
+        let geometry = frame.as_ref().zip(depth_maps.as_ref());
+        for tile in self.tiles(geometry, options, TILE) {
+            let drawn = self.gpu.texture(PICTURE, tile.size, TextureUsages::COPY_SRC, 1);
+            let view = drawn.create_view(&wgpu::TextureViewDescriptor::default());
+            self.tile(yarns, geometry, options, tile, (&view, [0, 0]));
+            self.gpu.read(&drawn, &mut picture, tile.corner)?;
         }
         Ok(picture)
     }
@@ -210,15 +231,34 @@ impl Renderer {
         let frame = FrameSetup::new(yarns, camera, options);
         let depth_maps =
             frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
-        self.tile(
-            yarns,
-            frame.as_ref().zip(depth_maps.as_ref()),
-            options,
-            [0, 0],
-            [options.width, options.height],
-            to,
-        );
+        let geometry = frame.as_ref().zip(depth_maps.as_ref());
+        // A window of one texel a pixel is drawn at once, since each tile looks at all yarns.
+        let whole = self.gpu.device.limits().max_texture_dimension_2d;
+        let texels = if scale(geometry, options) == 1 { whole } else { TILE };
+        for tile in self.tiles(geometry, options, texels) {
+            self.tile(yarns, geometry, options, tile, (to, tile.corner));
+        }
         self.gpu.fault()
+    }
+
+    /// The tiles of a picture, of at most so many texels a side with their margin of one pixel on
+    /// all sides.
+    fn tiles(
+        &self,
+        geometry: Option<Geometry<'_>>,
+        options: &RenderOptions,
+        texels: u32,
+    ) -> impl Iterator<Item = Tile> + use<> {
+        let scale = scale(geometry, options);
+        let side = texels.min(self.gpu.device.limits().max_texture_dimension_2d) / scale - 2;
+        let (width, height) = (options.width, options.height);
+        let corners = (0..height)
+            .step_by(side as usize)
+            .flat_map(move |y| (0..width).step_by(side as usize).map(move |x| [x, y]));
+        corners.map(move |corner| {
+            let size = [side.min(width - corner[0]), side.min(height - corner[1])];
+            Tile { corner, size, scale }
+        })
     }
 
     /// Draws and filters the depths from the sun and around the eye; returns them bound for the
@@ -306,28 +346,24 @@ impl Renderer {
                 &self.layouts.moments,
                 &[blur.as_entire_binding(), depths, from],
             );
-            screen_pass(encoder, pipeline, &group, to);
+            screen_pass(encoder, pipeline, &group, to, None);
         }
         twice
     }
 
-    /// Draws one tile of the picture to `to`.
+    /// Draws one tile of the picture to a texture, from a pixel of it on.
     fn tile(
         &mut self,
         yarns: &Yarns,
-        geometry: Option<(&FrameSetup, &wgpu::BindGroup)>,
+        geometry: Option<Geometry<'_>>,
         options: &RenderOptions,
-        corner: [u32; 2],
-        size: [u32; 2],
-        to: &wgpu::TextureView,
+        tile: Tile,
+        (to, at): (&wgpu::TextureView, [u32; 2]),
     ) {
-        // One more pixel on every side, because the reconstruction filter reaches into the next
-        // tiles.
-        let scale = supersampling(options);
-        let size = size.map(|pixels| (pixels + 2) * scale);
+        let size = tile.texels();
         let light = self.gpu.target(LIGHT, size, 1);
         let draws = geometry.map(|(frame, depth_maps)| {
-            let view = tile_view(frame, options, corner, size);
+            let view = tile_view(frame, options, tile);
             let frustum = Frustum { clip_from_world: view.clip_from_world, ..frame.camera };
             (
                 view,
@@ -354,8 +390,8 @@ impl Renderer {
         let tone = data::Tone {
             background,
             exposure: options.exposure,
-            scale: scale.cast_signed(),
-            spare: Vec2::ZERO,
+            scale: tile.scale.cast_signed(),
+            corner: at.map(u32::cast_signed),
         };
         let tone = self.gpu.uniform(bytes_of(&tone));
         let bound = [tone.as_entire_binding(), wgpu::BindingResource::TextureView(&light)];
@@ -364,6 +400,7 @@ impl Renderer {
             &self.pipelines.tone,
             &self.gpu.group("tone", &self.layouts.tone, &bound),
             to,
+            Some((at, tile.size)),
         );
         self.gpu.queue.submit([encoder.finish()]);
     }
@@ -437,16 +474,11 @@ impl Renderer {
     }
 }
 
-/// Uniforms of a tile of `size` texels, which begins one pixel before `corner`.
-fn tile_view(
-    frame: &FrameSetup,
-    options: &RenderOptions,
-    corner: [u32; 2],
-    size: [u32; 2],
-) -> data::ViewUniform {
-    let scale = supersampling(options) as f32;
-    let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
-    let [tile_width, tile_height] = size.map(|texels| texels as f32);
+/// Uniforms of a tile.
+fn tile_view(frame: &FrameSetup, options: &RenderOptions, tile: Tile) -> data::ViewUniform {
+    let scale = tile.scale as f32;
+    let corner = Vec2::from(tile.corner.map(|pixels| pixels as f32)) - 1.0;
+    let [tile_width, tile_height] = tile.texels().map(|texels| texels as f32);
     data::ViewUniform {
         clip_from_world: crop(options, corner, Vec2::new(tile_width, tile_height) / scale)
             * frame.camera.clip_from_world,
@@ -459,9 +491,12 @@ fn tile_view(
     }
 }
 
-/// Texels a pixel each way, for the samples that are wanted beyond those of multisampling.
-fn supersampling(options: &RenderOptions) -> u32 {
-    (options.spp / options.samples.max(1)).isqrt().clamp(1, MAX_SUPERSAMPLING)
+/// Texels a pixel each way: for the samples that are wanted beyond those of multisampling, and where
+/// edges are smoothed for yarns that are thinner than pixels.
+fn scale(geometry: Option<Geometry<'_>>, options: &RenderOptions) -> u32 {
+    let wanted = (options.spp / options.samples.max(1)).isqrt();
+    let needed = geometry.filter(|_| options.samples > 1).map_or(1, |(frame, _)| frame.scale);
+    wanted.max(needed).clamp(1, MAX_SUPERSAMPLING)
 }
 
 /// Matrix that enlarges a part of the picture to all of clip space: `size` pixels from `corner` on.

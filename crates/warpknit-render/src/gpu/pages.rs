@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 use wgpu::BufferUsages;
 
-use super::data::{self, CHUNK, KNOTS};
+use super::data::{self, CHUNK, KNOTS, PARTS};
 use super::device::Gpu;
 use crate::GpuError;
 use crate::octahedral::PackedUnit;
@@ -23,6 +23,9 @@ use warpknit_core::ids::index32;
 const CUT_STRANDS: usize = 16;
 /// Limit of a page's points: 64 MiB, which every device can bind and allocate.
 const PAGE_POINTS: usize = 4 << 20;
+/// Share of a yarn's length that its steps keep. Longer steps cut off whole loops, and the cloth would
+/// be half as dense from afar. The shader widens yarns by what is lost.
+const KEPT_LENGTH: f32 = 0.95;
 
 /// Properties of a chunk that the host needs for culling and level of detail.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +37,8 @@ pub(super) struct ChunkBounds {
     pub(super) piece: f32,
     pub(super) pieces: u32,
     pub(super) look: u16,
+    /// Longest step that keeps the yarn's windings, points: a power of two.
+    pub(super) most_stride: u16,
 }
 
 /// Points that one bind group holds.
@@ -78,6 +83,20 @@ fn thickness(points: &[Vec4], even: f32) -> [u32; 2] {
         uneven_byte((from + (to - from) * share) / even)
     };
     [0, 4].map(|first| u32::from_le_bytes(from_fn(|at| byte(first + at))))
+}
+
+/// The longest step, a power of two, with which the chords between a chunk's points are together at
+/// least so long.
+fn most_stride(points: &[Vec4], least: f32) -> u16 {
+    let chords = |stride: usize| {
+        let (last, ends) = (points.len() - 1, points.iter().step_by(stride));
+        let chords = ends.clone().zip(ends.skip(1).chain([&points[last]]));
+        chords.map(|(from, to)| from.truncate().distance(to.truncate())).sum::<f32>()
+    };
+    let strides = (1..).map(|power| 1_u16 << power);
+    let kept = strides
+        .take_while(|stride| u32::from(*stride) <= PARTS && chords(usize::from(*stride)) >= least);
+    kept.last().unwrap_or(1)
 }
 
 /// Uploads all strands of `scene` with `st` pieces a stitch, relative to `centre`.
@@ -171,7 +190,8 @@ impl Draft {
         #[expect(clippy::cast_precision_loss, reason = "256 at most")]
         let piece = length / pieces as f32;
         let (centre, reach) = (low.midpoint(high), low.distance(high) / 2.0 + thickest);
-        self.chunk_bounds.push(ChunkBounds { centre, reach, piece, pieces, look });
+        let most_stride = most_stride(points, KEPT_LENGTH * length);
+        self.chunk_bounds.push(ChunkBounds { centre, reach, piece, pieces, look, most_stride });
     }
 
     /// Uploads the page.

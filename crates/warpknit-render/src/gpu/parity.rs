@@ -11,7 +11,7 @@ use super::Gpu;
 use crate::ply::{self, YarnPoint};
 use crate::shade::{self, Surface, schlick_rough};
 use crate::sheen::Sheen;
-use crate::{Background, tone};
+use crate::{Background, GpuError, tone};
 use warpknit_shaders as shaders;
 
 /// Number of random inputs of each formula; each has four times four numbers.
@@ -38,7 +38,16 @@ fn direction(u: vec2f) -> vec3f {
 
 /// An adapter to test on. Without one, the test is skipped; in CI it fails.
 pub(super) fn adapter(test: &str) -> Option<Gpu> {
-    match Gpu::find(true) {
+    opened(test, Gpu::find(true))
+}
+
+/// A device that a test may break. Without an adapter, as [`adapter`].
+pub(super) fn adapter_to_break(test: &str) -> Option<Gpu> {
+    opened(test, Gpu::alone(true))
+}
+
+fn opened(test: &str, found: Result<Gpu, GpuError>) -> Option<Gpu> {
+    match found {
         Ok(gpu) => Some(gpu),
         Err(error) => {
             assert!(std::env::var_os("WARPKNIT_CI").is_none(), "{error}");
@@ -306,7 +315,7 @@ fn formula(u: mat4x4f) -> vec4f {
 
 #[test]
 fn a_lost_device_is_an_error() {
-    let Some(gpu) = adapter("a_lost_device_is_an_error") else { return };
+    let Some(gpu) = adapter_to_break("a_lost_device_is_an_error") else { return };
     gpu.device.destroy();
     let mut scene = crate::scene::Scene::default();
     scene.looks.push(crate::scene::YarnLook::plain(Vec3::ONE, 0.5, 0.1));
@@ -323,7 +332,7 @@ fn a_lost_device_is_an_error() {
 
 #[test]
 fn memory_that_is_refused_is_an_error() {
-    let Some(gpu) = adapter("memory_that_is_refused_is_an_error") else { return };
+    let Some(gpu) = adapter_to_break("memory_that_is_refused_is_an_error") else { return };
     let size = gpu.device.limits().max_buffer_size + 4;
     let usage = wgpu::BufferUsages::STORAGE;
     let _invalid = gpu.device.create_buffer(&wgpu::BufferDescriptor {

@@ -166,26 +166,29 @@ pub(super) fn depth_attachment(
     }
 }
 
-/// Runs a fragment shader over all pixels of `to`.
+/// Runs a fragment shader over all pixels of `to`, or over those from a corner on.
 pub(super) fn screen_pass(
     encoder: &mut wgpu::CommandEncoder,
     pipeline: &wgpu::RenderPipeline,
     group: &wgpu::BindGroup,
     to: &wgpu::TextureView,
+    part: Option<([u32; 2], [u32; 2])>,
 ) {
+    // Other parts are kept.
+    let load = part.map_or(wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), |_| wgpu::LoadOp::Load);
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: None,
         color_attachments: &[Some(wgpu::RenderPassColorAttachment {
             view: to,
             depth_slice: None,
             resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                store: wgpu::StoreOp::Store,
-            },
+            ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
         })],
         ..wgpu::RenderPassDescriptor::default()
     });
+    if let Some(([x, y], [width, height])) = part {
+        pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
+    }
     pass.set_pipeline(pipeline);
     pass.set_bind_group(0, group, &[]);
     pass.draw(0..3, 0..1);

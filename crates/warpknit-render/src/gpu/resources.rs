@@ -141,7 +141,8 @@ impl Gpu {
             let _unheard = sender.send(result);
         });
         self.wait()?;
-        match mapped.try_recv() {
+        // Another thread that waits for the same device may be about to send it.
+        match mapped.recv() {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(self.refused(&error)),
             Err(_never) => return Err(self.refused(&"it never finished")),

@@ -238,12 +238,11 @@ fn yarns_near(
         *next == one + BLOCK && pieces.strand_of(*one) == pieces.strand_of(*next)
     });
     runs.by_ref().for_each(|run| {
-        let strand = &pieces.scene.strands[pieces.strand_of(run[0])];
-        let (Range { start, end }, last) = (strand.points.clone(), run[run.len() - 1]);
-        // One more point on each side gives the curve its direction there.
-        let points = run[0].saturating_sub(1).max(start)..end.min(last + BLOCK + 2);
-        let positions = &pieces.scene.positions[points.start as usize..points.end as usize];
-        scene.push_strand(positions.iter().copied(), strand.look);
+        scene.push_part(
+            pieces.scene,
+            pieces.strand_of(run[0]),
+            run[0]..run[run.len() - 1] + BLOCK + 1,
+        );
     });
     scene
 }
