@@ -64,7 +64,8 @@ fn moments_at(map: texture_2d<f32>, place: vec2f) -> vec3f {
 
 // Visibility of the sun past what lies at least `bias` before a point: Chebyshev's upper bound of
 // the fraction of the filtered depths that lie behind the point (Donnelly and Lauritzen 2006, eq. 5).
-fn visibility_past(m: vec3f, depth: f32, bias: f32) -> f32 {
+// A bound up to `bleeding` counts as full shadow.
+fn visibility_past(m: vec3f, depth: f32, bias: f32, bleeding: f32) -> f32 {
     let behind = depth - bias - m.x;
     if behind <= 0.0 || m.z <= 0.0 {
         return 1.0;
@@ -72,17 +73,18 @@ fn visibility_past(m: vec3f, depth: f32, bias: f32) -> f32 {
     // A lower limit of the variance: on flat texels it would be 0, and rounding would decide.
     let variance = max(m.y, view.sun_bias * view.sun_bias);
     let bound = variance / (variance + behind * behind);
-    return 1.0 - m.z * (1.0 - saturate((bound - LIGHT_BLEEDING) / (1.0 - LIGHT_BLEEDING)));
+    return 1.0 - m.z * (1.0 - saturate((bound - bleeding) / (1.0 - bleeding)));
 }
 
-// Visibility of the sun. From afar the map's texels are wider than yarns: it tells of distant cloth
-// only, and a mean share stands for the yarns of the same cloth.
+// Visibility of the sun. From afar the map's texels are wider than yarns: only the shadows of distant
+// cloth are taken from it, and a mean share stands for the yarns of the same cloth.
 fn sun_visibility(world: vec3f) -> f32 {
     let place = view.sun_from_world * vec4f(world, 1.0);
     let m = moments_at(sun_map, place.xy);
-    let mapped = visibility_past(m, place.z, view.sun_bias);
-    let distant = visibility_past(m, place.z, view.sun_bias + view.layer);
-    return mix(mapped, view.near_sunshine * distant, view.far);
+    let mapped = visibility_past(m, place.z, view.sun_bias, LIGHT_BLEEDING);
+    // Of two layers, the bound is the fraction of the sun that the first one's gaps let through.
+    let distant = visibility_past(m, place.z, view.sun_bias + view.layer, 0.0);
+    return mix(mapped, view.near_sunshine * distant, view.farness);
 }
 
 // Radiance of the sky in a unit direction: a linear gradient.
@@ -96,7 +98,7 @@ fn sky_visibility_at(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
     let before = (m.x - depth) / radius;
     let mapped = sky_visibility(before, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
     let mean = saturate(view.near_open.x + view.near_open.y * cosine);
-    return mix(mapped, mean, view.far);
+    return mix(mapped, mean, view.farness);
 }
 
 // Light of sun and sky reflected to the eye. The tube's own normal is `outward`, and `sun_brdf` is
@@ -123,7 +125,7 @@ fn reflected_light(
     let mirror = reflect(-toward_eye, material.normal);
     // The sky is linear in the direction's height. So its cosine-weighted mean over the hemisphere
     // is its value two thirds of the way from the horizontal to the normal.
-    let visible = sky(material.normal * (2.0 / 3.0)) * mix(1.0, view.near_brightness, view.far);
+    let visible = sky(material.normal * (2.0 / 3.0)) * mix(1.0, view.near_brightness, view.farness);
     let above = visible * open + view.interior * (1.0 - open);
     var skylight = diffuse(material, mirrored) * above + mirrored * sky(mirror) * open;
     if SHEEN {
@@ -177,8 +179,7 @@ fn map_texel(place: vec2f, footprint: vec2f) -> Texel {
     return Texel(base.rgb, base.a, flipped, surface.y, surface.z, surface.x);
 }
 
-// The direction, across the yarn toward the eye, in which the tube that a strip stands for bulges.
-// Arguments are unit vectors at right angles.
+// The unit direction, across the yarn toward the eye, in which the tube that a strip stands for bulges.
 fn front_of_strip(width: vec3f, tangent: vec3f, toward_eye: vec3f) -> vec3f {
     let front = unit(cross(width, tangent));
     return front * sign(dot(front, toward_eye));

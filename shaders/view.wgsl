@@ -35,7 +35,7 @@ struct ViewUniform {
     near_brightness: f32,
     near_sunshine: f32,
     // How far these means take the place of the depth maps, which are too coarse from afar, 0..1.
-    far: f32,
+    farness: f32,
     spare: f32,
 }
 

@@ -20,9 +20,10 @@ const TAU = 6.283185307179586;
 // Steps of an instance, and instances of a full chunk at stride 1.
 const STEPS = 8u;
 const PARTS = 32u;
-// Limit of the widening of a step. A step along a whole loop would otherwise become so wide that it
-// covers its neighbours.
+// Limit of the widening of a step, against steps of no length. Steps keep most of the yarn's length.
 const MAX_WIDENING = 3.0;
+// Limit of the widening at a mitre joint. Sharper turns have a bevel: a mitre would be a spike.
+const MAX_MITRE = 3.0;
 // Largest difference from 1 of the factors on a yarn's radius and on its base colour.
 const MOST_UNEVEN = 0.25;
 // Places along a chunk that have a thickness of their own.
@@ -106,19 +107,6 @@ fn widening(at: u32, near: vec2u) -> f32 {
     return clamp((points[near.y].w - points[near.x].w) / max(chords, 1e-6), 1.0, MAX_WIDENING);
 }
 
-// The direction of a strip at a point: the mean of its steps. Their light is that of the straight
-// steps, as they hide others and cast shadows; the curve's tangent would light surfaces that they
-// do not have.
-fn along_steps(at: u32, near: vec2u) -> vec3f {
-    let here = points[at].xyz;
-    return unit(unit(here - points[near.x].xyz) + unit(points[near.y].xyz - here));
-}
-
-// A unit vector, or zero.
-fn unit(v: vec3f) -> vec3f {
-    return select(vec3f(0.0), normalize(v), dot(v, v) > 0.0);
-}
-
 // The joint of a strip's steps at a point: its unit direction across, in the plane that faces the eye,
 // times a factor on the radius. A mitre joint keeps a step's width where the strip turns, as joints
 // along the curve's tangents don't: seen from afar, cloth would lose a third of its cover.
@@ -126,10 +114,26 @@ fn mitre(at: u32, near: vec2u, toward: vec3f) -> vec3f {
     let here = points[at].xyz;
     let before = cross(here - points[near.x].xyz, toward);
     let after = cross(points[near.y].xyz - here, toward);
+    // At an end of the chunk, and beside a step of no length, there is one step.
+    let steps = f32(dot(before, before) > 0.0) + f32(dot(after, after) > 0.0);
     let middle = unit(before) + unit(after);
-    // At an end of the chunk there is one step, and the middle is its direction.
-    let share = length(middle) / select(2.0, 1.0, near.x == at || near.y == at);
-    return unit(middle) / max(share, 1.0 / MAX_WIDENING);
+    let share = length(middle) / max(steps, 1.0);
+    let bevel = select(unit(after), unit(before), dot(before, before) > 0.0);
+    return select(bevel, unit(middle) / max(share, 1e-3), share * MAX_MITRE >= 1.0);
+}
+
+// The direction of a strip at a point: the mean of its steps. Their light is that of the straight
+// steps, as they hide others and cast shadows; the curve's tangent would light surfaces that they
+// do not have.
+fn along_steps(at: u32, near: vec2u) -> vec3f {
+    let here = points[at].xyz;
+    let mean = unit(here - points[near.x].xyz) + unit(points[near.y].xyz - here);
+    return select(unpack_unit(tangent_frames[at].x), normalize(mean), dot(mean, mean) > 1e-6);
+}
+
+// A unit vector, or zero.
+fn unit(v: vec3f) -> vec3f {
+    return select(vec3f(0.0), normalize(v), dot(v, v) > 0.0);
 }
 
 // Factor on the radius at one of the places along a chunk that have their own.
@@ -168,6 +172,7 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
     out.look = chunk.look;
     out.seed = part / PARTS;
     let edge = f32(vertex % draw.edges);
+    var joint: vec3f;
     if SHAPE == TUBE {
         // A tube: a regular polygon around the axis, in the tangent frame.
         let angle = TAU * edge / f32(draw.edges);
@@ -178,24 +183,25 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
         // perimeter, and with it the same mean width (Cauchy).
         let half = 0.5 * TAU / f32(draw.edges);
         out.world = centre + out.normal * (out.radius * half / sin(half));
+        joint = out.world;
     } else {
         out.side = edge * 2.0 - 1.0;
         // A strip faces the eye. A ribbon lies in the fabric's plane, across its normal.
         let toward = view.eye.xyz - centre * view.eye.w;
-        var width = vec3f(0.0);
+        let width = select(unit(cross(tangent, across)), mitre(at, near, toward), SHAPE == STRIP);
+        joint = centre + width * (out.side * out.radius);
+        out.normal = across;
+        out.world = joint;
         if SHAPE == STRIP {
-            width = mitre(at, near, toward);
+            // Lit where the round yarn is, and drawn where the joint is.
             out.normal = unit(width);
             out.tangent = along_steps(at, near);
-            out.world = centre + normalize(toward) * (MEAN_RISE * out.radius);
-        } else {
-            width = unit(cross(tangent, across));
-            out.normal = across;
-            out.world = centre;
+            let rise = normalize(toward) * (MEAN_RISE * out.radius);
+            out.world = centre + out.normal * (out.side * out.radius) + rise;
+            joint += rise;
         }
-        out.world += width * (out.side * out.radius);
     }
-    out.clip = view.clip_from_world * vec4f(out.world, 1.0);
+    out.clip = view.clip_from_world * vec4f(joint, 1.0);
     return out;
 }
 

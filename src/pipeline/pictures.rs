@@ -61,8 +61,9 @@ impl Pictures {
         clock.begin(Task::Render, 0.0);
         let mut options = RenderOptions { set: self.set.clone(), ..options_of(job) };
         let cameras = cameras(job.settings, &options, extent);
-        // Where yarns are so thin, the graphics processor's pictures are full of noise. All frames of a
-        // sequence lie within the extent, so one renderer draws them all.
+        // Where yarns are so thin, the graphics processor's light is that of a mean over the cloth, and the
+        // processor's is nearer to traced light. All frames of a sequence lie within the extent, so one
+        // renderer draws them all.
         let around = Bounds::around(extent);
         options.renderer =
             processor_if(options.renderer, || has_masks(scene, around, &cameras, &options));
@@ -156,9 +157,9 @@ pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
     let mut options = options(job.settings);
     options.rows = job.tile().map(|tile| tile.share(options.height));
     // The tiles of several machines must fit together, whichever machine has an adapter. The CPU
-    // renderer gives the same pixels everywhere. At true gauge yarns are thinner than pixels, and
-    // the graphics processor would leave some out. It draws no bodies, and its shadows are those of
-    // the studio's sun, whatever the size of an environment's.
+    // renderer gives the same pixels everywhere. At true gauge its light is nearer to traced light too.
+    // The graphics processor draws no bodies, and its shadows are those of the studio's sun, whatever
+    // the size of an environment's.
     options.renderer = processor_if(options.renderer, || {
         job.tile().is_some()
             || job.gauge == Gauge::True

@@ -1,8 +1,8 @@
 //! The graphics device: its adapter, its limits, and its errors.
 //!
 //! In: whether a software adapter will do. Out: a [`Gpu`] ready to draw, which all renderers of the
-//! process share, or a [`GpuError`] that says what to do. Errors of the device do not panic: those that no call returns are recorded, and
-//! [`Gpu::fault`] returns the first one.
+//! process share, or a [`GpuError`] that says what to do. Errors of the device do not panic: those
+//! that no call returns are recorded, and [`Gpu::fault`] returns the first one.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -35,7 +35,8 @@ const TARGETS: [(wgpu::TextureFormat, wgpu::TextureUsages); 3] = [
 
 impl Gpu {
     /// The process' device on the fastest adapter. One that computes on the CPU is accepted only if
-    /// `software` is set. After an error of the device, a new one is opened.
+    /// `software` is set. An error of the device ends all renderers that draw with it. The next call
+    /// opens a new one.
     ///
     /// # Errors
     /// No adapter, or one that refuses a device or lacks a capability.
@@ -139,6 +140,11 @@ impl Gpu {
         });
         self.queue.write_buffer(&buffer, 0, contents);
         buffer
+    }
+
+    /// One of two sizes: for a card, and for software.
+    pub(super) fn tile(&self, [card, software]: [u32; 2]) -> u32 {
+        if self.is_software { software } else { card }
     }
 
     /// Fails with the first error so far, if there was one.

@@ -4,30 +4,34 @@
 use image::RgbaImage;
 use warpknit_core::fabric::Fabric;
 
+use wgpu::TextureUsages;
+
 use super::parity::adapter;
+use super::{PICTURE, Renderer};
+use crate::scene::Scene;
 use crate::{Background, Camera, RenderOptions, RendererChoice, View, cloth, render};
 
 /// Pixels across and down.
 const PIXELS: u32 = 96;
 
-/// A fabric of so many wales and courses, on the adapter and on the processor, with so many samples
-/// each.
-fn drawn(fabric: &str, (view, stitches): (View, u32), samples: [u32; 2]) -> [RgbaImage; 2] {
+/// A fabric of so many wales and courses, and a camera that sees all of it.
+fn swatch(fabric: &str, view: View, stitches: u32) -> (Scene, Camera) {
     let scene = cloth::swatch(&Fabric::named(fabric).unwrap(), stitches, stitches);
     let camera = Camera::view(view, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let distance = camera.eye().distance(scene.bounds().unwrap().centre().as_dvec3());
     let pixel = camera.pixel_size(distance, PIXELS);
     println!("{fabric} {view:?}: {:.2} pixels a yarn", 2.0 * f64::from(scene.radii().0) / pixel);
-    let options = RenderOptions {
-        width: PIXELS,
-        height: PIXELS,
-        background: Background::Transparent,
-        ..RenderOptions::default()
-    };
-    [(RendererChoice::Gpu, samples[0]), (RendererChoice::Cpu, samples[1])].map(|(renderer, spp)| {
-        render(&scene, &camera, &RenderOptions { renderer, spp, ..options.clone() }, &|_| ())
-            .unwrap()
-    })
+    (scene, camera)
+}
+
+fn options() -> RenderOptions {
+    let background = Background::Transparent;
+    RenderOptions { width: PIXELS, height: PIXELS, background, ..RenderOptions::default() }
+}
+
+/// A picture with so many samples a pixel.
+fn drawn((scene, camera): &(Scene, Camera), renderer: RendererChoice, spp: u32) -> RgbaImage {
+    render(scene, camera, &RenderOptions { renderer, spp, ..options() }, &|_| ()).unwrap()
 }
 
 /// Covered fraction of a picture, and the mean colour of what covers it, of 255.
@@ -62,14 +66,32 @@ fn pictures_from_afar_have_no_noise() {
     if adapter("pictures_from_afar_have_no_noise").is_none() {
         return;
     }
-    for (fabric, stitches) in [("marquisette", 60), ("jersey", 120), ("locknit", 60)] {
-        let cloth = (View::Front, stitches);
-        let [few, _] = drawn(fabric, cloth, [4, 1]);
-        let [many, _] = drawn(fabric, cloth, [256, 1]);
+    // So wide that fewer than 8 x 8 texels a pixel will do, and 256 samples are more.
+    for (fabric, stitches) in [("marquisette", 30), ("jersey", 120), ("locknit", 60)] {
+        let swatch = swatch(fabric, View::Front, stitches);
+        let [few, many] = [4, 256].map(|spp| drawn(&swatch, RendererChoice::Gpu, spp));
         let rms = rms(&few, &many);
         println!("  {rms:.2}");
-        assert!(rms < 4.0, "{fabric}: {rms}");
+        assert!(rms > 0.1 && rms < 4.0, "{fabric}: {rms}");
     }
+}
+
+#[test]
+fn windows_show_what_pictures_show() {
+    let Some(gpu) = adapter("windows_show_what_pictures_show") else { return };
+    let (scene, camera) = swatch("marquisette", View::Front, 60);
+    // Several tiles, also on cards.
+    let options = RenderOptions { width: 300, height: 280, ..options() };
+    let mut renderer = Renderer::new(gpu.clone(), options.samples).unwrap();
+    let yarns = renderer.load(&scene, options.st).unwrap();
+    let picture = renderer.draw(&yarns, &camera, &options).unwrap();
+    let size = [options.width, options.height];
+    let target = gpu.texture(PICTURE, size, TextureUsages::COPY_SRC, 1);
+    let view = target.create_view(&wgpu::TextureViewDescriptor::default());
+    renderer.draw_to(&yarns, &camera, &options, &view).unwrap();
+    let mut shown = RgbaImage::new(options.width, options.height);
+    gpu.read(&target, &mut shown, [0, 0]).unwrap();
+    assert!(shown == picture && picture.pixels().any(|pixel| pixel.0[3] > 0));
 }
 
 #[test]
@@ -84,8 +106,9 @@ fn cloth_from_afar_has_the_cover_and_light_of_the_processors_pictures() {
         ("jersey", View::Front, 120),
         ("marquisette", View::Iso, 120),
     ] {
-        let [card, processor] =
-            drawn(fabric, (view, stitches), [4, 16]).map(|picture| means(&picture));
+        let swatch = swatch(fabric, view, stitches);
+        let [card, processor] = [(RendererChoice::Gpu, 4), (RendererChoice::Cpu, 16)]
+            .map(|(renderer, spp)| means(&drawn(&swatch, renderer, spp)));
         println!("  {card:.3?} {processor:.3?}");
         let cover = card.0 / processor.0;
         assert!((cover - 1.0).abs() < 0.08, "{fabric} {view:?}: cover {cover}");

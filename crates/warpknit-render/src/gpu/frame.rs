@@ -1,9 +1,9 @@
 //! Geometry of a frame: the camera's and the sun's projections, and the sizes of the depth maps.
 //!
-//! In: a camera, a light, and the chunks of yarn in view. Out: [`FrameSetup`], matrices and sizes
-//! for all passes, relative to the scene's centre. The sun's map covers only what the camera sees,
-//! so that a close-up has fine shadows (as light-space perspective methods aim for, here by a tight
-//! bounding box).
+//! In: a camera, a light, and the chunks of yarn in view. Out: [`FrameSetup`], matrices, sizes and
+//! the light between neighbouring yarns for all passes, relative to the scene's centre. The sun's
+//! map covers only what the camera sees, so that a close-up has fine shadows (as light-space
+//! perspective methods aim for, here by a tight bounding box).
 
 use bytemuck::Zeroable;
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -13,6 +13,7 @@ use super::data;
 use super::lod::{Frustum, visible_chunks};
 use super::pages::Page;
 use crate::cpu::patches::NearLight;
+use crate::scene::Shape;
 use crate::shade::LAYER_RADII;
 use crate::{Camera, RenderOptions};
 
@@ -39,16 +40,16 @@ const MAX_DEPTH_TEXELS: f32 = 2048.0;
 /// Standard deviation of that filter in texels, which sets the map's resolution. With fewer, the
 /// Gaussian is badly sampled.
 const DEPTH_TEXELS: f32 = 2.5;
-/// Width of the thinnest yarn in texels of a picture, each of which takes four samples. With less, cloth at
-/// true gauge is full of noise.
+/// Texels of a picture across the thinnest yarn. With fewer, cloth at true gauge has noise. More take
+/// longer and show nothing more.
 const TEXELS_A_YARN: f32 = 1.0;
-/// Sizes of a pixel, radii of the thinnest yarn, between which means take the place of what depth maps
-/// tell of neighbouring yarns. In smaller pixels the maps tell it well.
+/// Sizes of a pixel, radii of the thickest yarn, between which means take the place of what depth maps
+/// say of neighbouring yarns. In smaller pixels the maps are right, in larger ones they are noise.
 const FAR_PIXELS: [f32; 2] = [2.5, 6.0];
 /// Squares across and down in which the nearest depths are known.
 const SQUARES: usize = 64;
-/// How much deeper than the nearest a chunk in such a square may be and still belong to the same layer,
-/// as a fraction of the depth: about three squares, for cloth that is seen at 70 degrees.
+/// How much deeper than the nearest chunk of its square a place may be and still belong to the same
+/// layer, as a fraction of the depth: as cloth that is seen at 70 degrees is in a square.
 const LAYER_DEPTH: f32 = 0.03;
 /// The near and far planes lie this factor beyond the yarns, against rounding.
 const PLANE_MARGIN: f32 = 1.001;
@@ -123,8 +124,9 @@ impl FrameSetup {
         )?;
         let depth = depth_map(frustum, thinnest, pixel_there, near, far, options);
         let texel = sun.0.frustum.pixel;
-        let far = farness(pixel_there / thinnest);
-        let near_light = (far > 0.0).then(|| near_light(yarns, &frustum, camera, options));
+        let [thinnest_yarn, thickest_yarn] = yarns.yarn_radii;
+        let farness = farness(yarns.shape, pixel_there / thickest_yarn);
+        let near_light = (farness > 0.0).then(|| near_light(yarns, &frustum, camera, options));
         let NearLight { open, brightness, sunshine } = near_light.unwrap_or_default();
         let view = data::ViewUniform {
             clip_from_world,
@@ -143,18 +145,22 @@ impl FrameSetup {
             near_open: open.into(),
             near_brightness: brightness,
             near_sunshine: sunshine,
-            far,
+            farness,
             ..data::ViewUniform::zeroed()
         };
-        let scale = texels(TEXELS_A_YARN * pixel_there / (2.0 * thinnest));
+        let scale = texels(TEXELS_A_YARN * pixel_there / (2.0 * thinnest_yarn));
         Some(Self { camera: frustum, sun: sun.0, depth, view, scale })
     }
 }
 
-/// How far depth maps are too coarse to tell yarns apart, 0..1, for a pixel of so many radii.
-fn farness(pixel: f32) -> f32 {
+/// How far depth maps are too coarse for single yarns, 0..1, for a pixel of so many radii. Ribbons have no
+/// means that could take their place.
+fn farness(shape: Shape, pixel: f32) -> f32 {
     let [near, far] = FAR_PIXELS;
-    ((pixel - near) / (far - near)).clamp(0.0, 1.0)
+    match shape {
+        Shape::Tube if pixel.is_finite() => ((pixel - near) / (far - near)).clamp(0.0, 1.0),
+        Shape::Tube | Shape::Ribbon => 0.0,
+    }
 }
 
 /// What yarns leave visible to each other where the camera sees them.
@@ -288,4 +294,21 @@ fn texels(size: f32) -> u32 {
 /// An affine matrix by its upper three rows.
 fn affine(x: Vec4, y: Vec4, z: Vec4) -> Mat4 {
     Mat4::from_cols(x, y, z, Vec4::W).transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_come_in_gradually_and_for_tubes_only() {
+        let tubes = [0.0, 2.5, 4.25, 6.0, 1e9].map(|pixel| farness(Shape::Tube, pixel));
+        assert_eq!(tubes, [0.0, 0.0, 0.5, 1.0, 1.0]);
+        assert_eq!([farness(Shape::Ribbon, 9.0), farness(Shape::Tube, f32::INFINITY)], [0.0; 2]);
+    }
+
+    #[test]
+    fn sizes_are_whole_texels() {
+        assert_eq!([0.0, 1.0, 1.1, f32::INFINITY].map(texels), [1, 1, 2, u32::MAX]);
+    }
 }

@@ -4,7 +4,8 @@
 //! [`DrawPlan`], instances sorted into batches that share a step length, a cross-section and a set
 //! of textures. Chunks outside of the frustum are left out.
 //!
-//! With level of detail, steps are doubled until they are as long as a pixel. A cross-section has
+//! With level of detail, steps are doubled until they are as long as a pixel, or would cut off windings
+//! of the yarn. A cross-section has
 //! no more edges than its radius in pixels can show. A yarn of few pixels becomes a strip that
 //! faces the eye, an impostor: its shader restores the round shape for a fifth of the triangles.
 //!
@@ -15,6 +16,7 @@ use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
 use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
+use rayon::prelude::*;
 
 use super::data::{PARTS, STEPS};
 use super::pages::{ChunkBounds, Page};
@@ -101,7 +103,7 @@ pub(super) struct Batch {
 }
 
 /// Everything that a pass draws.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct DrawPlan {
     /// For each page the instances, batch after batch: chunk times [`PARTS`] plus the part.
     pub(super) parts: Vec<Vec<u32>>,
@@ -118,8 +120,7 @@ impl DrawPlan {
         options: &RenderOptions,
     ) -> Self {
         let sides = frustum.sides();
-        let mut plan = Self::default();
-        for (number, page) in pages.iter().enumerate() {
+        let of_page = |(number, page): (usize, &Page)| {
             // An ordered map, so that batches come in the same order every time.
             let mut sorted: BTreeMap<BatchKey, Vec<u32>> = BTreeMap::new();
             for (chunk, bounds) in (0..).zip(&page.chunk_bounds) {
@@ -132,15 +133,16 @@ impl DrawPlan {
                 let parts = bounds.pieces.div_ceil(STEPS * key.stride);
                 sorted.entry(key).or_default().extend((0..parts).map(|part| chunk * PARTS + part));
             }
-            let mut all = Vec::new();
+            let (mut batches, mut all) = (Vec::new(), Vec::new());
             for (key, parts) in sorted {
                 let (first, count) = (index32(all.len()), index32(parts.len()));
-                plan.batches.push(Batch { page: number, key, first, count });
+                batches.push(Batch { page: number, key, first, count });
                 all.extend(parts);
             }
-            plan.parts.push(all);
-        }
-        plan
+            (batches, all)
+        };
+        let (batches, parts): (Vec<_>, Vec<_>) = pages.par_iter().enumerate().map(of_page).unzip();
+        Self { parts, batches: batches.into_iter().flatten().collect() }
     }
 }
 
@@ -214,7 +216,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_step_is_shorter_than_a_pixel_and_none_is_twice_as_long_as_need_be() {
+    fn steps_are_a_pixel_long_at_least_unless_windings_need_shorter_ones() {
         for (piece, pixel, most, expected) in [
             (1.0, 0.5, 32, 1),
             (1.0, 1.0, 32, 1),

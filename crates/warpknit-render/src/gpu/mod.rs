@@ -4,9 +4,10 @@
 //! says what to do. In the library, only this module names wgpu. The passes of a frame are:
 //!
 //! 1. Depths from the sun, filtered (variance shadow map).
-//! 2. Depths around the eye, filtered (ambient occlusion).
+//! 2. Depths around the eye, filtered (ambient occlusion). From afar, means over traced patches of cloth
+//!    take the place of what both maps say of neighbouring yarns.
 //! 3. The yarns with their light, tile by tile, so that no picture is too large. A depth pre-pass
-//!    comes first.
+//!    comes first. A pixel has as many texels as the thinnest yarn needs.
 //! 4. Tone mapping, the same curve as in all renderers.
 //!
 //! `device` opens the adapter. `pages` keeps the yarns in its memory. `lod` selects the level of
@@ -59,8 +60,9 @@ const MOMENTS: TextureFormat = TextureFormat::Rgba32Float;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// Pixels as they go to files. The shader encodes sRGB itself.
 const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
-/// Largest side of a tile, texels. With four samples, its light and depths take 50 MB.
-const TILE: u32 = 1024;
+/// Largest side of a tile, texels, on a card and in software. With four samples, its light and depths take
+/// 235 and 60 MB. Smaller tiles look at all yarns more often.
+const TILES: [u32; 2] = [2048, 1024];
 /// Limit of supersampling, texels a pixel each way.
 const MAX_SUPERSAMPLING: u32 = 8;
 
@@ -86,6 +88,8 @@ pub struct Yarns {
     has_sheen: bool,
     looks: wgpu::Buffer,
     thinnest: f32,
+    /// Radii of the thinnest and of the thickest yarn that is no fibre or hair.
+    yarn_radii: [f32; 2],
     /// See [`Scene::mean_albedo`].
     albedo: Vec3,
     /// What they leave visible to each other, for pictures from afar.
@@ -187,6 +191,7 @@ impl Renderer {
             has_sheen,
             looks,
             thinnest,
+            yarn_radii: yarn_radii(scene),
             albedo,
             patches: Patches::new(scene),
             maps,
@@ -208,7 +213,7 @@ impl Renderer {
         let depth_maps =
             frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
         let geometry = frame.as_ref().zip(depth_maps.as_ref());
-        for tile in self.tiles(geometry, options, TILE) {
+        for tile in self.tiles(geometry, options, self.gpu.tile(TILES)) {
             let drawn = self.gpu.texture(PICTURE, tile.size, TextureUsages::COPY_SRC, 1);
             let view = drawn.create_view(&wgpu::TextureViewDescriptor::default());
             self.tile(yarns, geometry, options, tile, (&view, [0, 0]));
@@ -234,11 +239,13 @@ impl Renderer {
         let geometry = frame.as_ref().zip(depth_maps.as_ref());
         // A window of one texel a pixel is drawn at once, since each tile looks at all yarns.
         let whole = self.gpu.device.limits().max_texture_dimension_2d;
-        let texels = if scale(geometry, options) == 1 { whole } else { TILE };
+        let texels = if scale(geometry, options) == 1 { whole } else { self.gpu.tile(TILES) };
         for tile in self.tiles(geometry, options, texels) {
             self.tile(yarns, geometry, options, tile, (to, tile.corner));
+            // Without waiting, all tiles would have their textures at once.
+            self.gpu.wait()?;
         }
-        self.gpu.fault()
+        Ok(())
     }
 
     /// The tiles of a picture, of at most so many texels a side with their margin of one pixel on
@@ -474,6 +481,14 @@ impl Renderer {
     }
 }
 
+/// Radii of the thinnest and of the thickest yarn of a scene; infinity and 0 if it has fibres alone.
+fn yarn_radii(scene: &Scene) -> [f32; 2] {
+    let looks = scene.looks.iter().filter(|look| !look.is_fibre && look.radius > 0.0);
+    looks.fold([f32::INFINITY, 0.0], |[thinnest, thickest], look| {
+        [look.radius.min(thinnest), look.radius.max(thickest)]
+    })
+}
+
 /// Uniforms of a tile.
 fn tile_view(frame: &FrameSetup, options: &RenderOptions, tile: Tile) -> data::ViewUniform {
     let scale = tile.scale as f32;
@@ -491,8 +506,8 @@ fn tile_view(frame: &FrameSetup, options: &RenderOptions, tile: Tile) -> data::V
     }
 }
 
-/// Texels a pixel each way: for the samples that are wanted beyond those of multisampling, and where
-/// edges are smoothed for yarns that are thinner than pixels.
+/// Texels a pixel each way: for the samples that are wanted beyond those of multisampling, and with
+/// multisampling for yarns that are thinner than pixels.
 fn scale(geometry: Option<Geometry<'_>>, options: &RenderOptions) -> u32 {
     let wanted = (options.spp / options.samples.max(1)).isqrt();
     let needed = geometry.filter(|_| options.samples > 1).map_or(1, |(frame, _)| frame.scale);

@@ -1,7 +1,7 @@
 //! Yarns in the device's memory: points in pages that fit its binding limits, divided into chunks
 //! that are culled and coarsened one by one.
 //!
-//! In: a scene and St. Out: [`Page`]s, with 24 bytes a point on the device and 40 bytes a chunk of
+//! In: a scene and St. Out: [`Page`]s, with 24 bytes a point on the device and 32 bytes a chunk of
 //! up to [`CHUNK`] pieces on the host. Strands are subdivided a window at a time, so the memory
 //! beside the pages does not grow with the fabric. All passes share a page's bind group.
 
@@ -211,5 +211,27 @@ impl Draft {
         gpu.queue.submit([]);
         gpu.wait()?;
         Ok(page)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_skip_straight_yarn_and_no_windings() {
+        let yarn = |wave: f32| -> Vec<Vec4> {
+            (0_u8..65)
+                .map(|at| Vec4::new(f32::from(at), wave * f32::from(at % 2), 0.0, 0.1))
+                .collect()
+        };
+        let length = |points: &[Vec4]| -> f32 {
+            points.windows(2).map(|ends| ends[0].distance(ends[1])).sum()
+        };
+        for (wave, expected) in [(0.0, 32), (0.2, 32), (1.0, 1)] {
+            let points = yarn(wave);
+            assert_eq!(most_stride(&points, KEPT_LENGTH * length(&points)), expected, "{wave}");
+        }
+        assert_eq!(most_stride(&yarn(0.0)[..2], 0.95), 32);
     }
 }

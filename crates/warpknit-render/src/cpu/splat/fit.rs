@@ -36,9 +36,9 @@ use crate::{Camera, RenderOptions};
 /// than they are worth.
 const TRACED_TILES: u32 = 8;
 /// Sky rays at each place. With 64 places in a tile, they cost about as much as its masks.
-const SKY_RAYS: u32 = 16;
+pub(in crate::cpu) const SKY_RAYS: u32 = 16;
 /// Side of the traced part in the middle of a tile, in radii of the thickest yarn: a few stitches.
-const PART_RADII: f32 = 64.0;
+pub(in crate::cpu) const PART_RADII: f32 = 64.0;
 /// Limits of that side, cells. The tile must know the depths around it.
 const PART_CELLS: [f32; 2] = [2.0, 8.0];
 /// Size of a pixel for which the traced yarns are subdivided, radii: their bends are smooth.
@@ -189,18 +189,7 @@ fn observe(
     let around = side / 2.0 + (SKY_REACH_RADII + 2.0) * radius;
     let scene = yarns_near(pieces, screen, blocks, [middle - around, middle + around]);
     let bounds = scene.bounds()?;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
-    let finer = (1.0 / (FINE_RADII * radius)).ceil().clamp(1.0, MAX_FINER) as u32;
-    let fine = RenderOptions {
-        width: options.width * finer,
-        height: options.height * finer,
-        sky_rays: SKY_RAYS,
-        // Far yarns have no noise, and so no seed.
-        seed: 0,
-        spp: 1,
-        lod: false,
-        ..options.clone()
-    };
+    let (finer, fine) = finely(options, 1.0 / radius);
     let tracer = RayTracer::without_bounces(&scene, &bounds, camera, &fine);
     let scale = finer as f32 / split as f32;
     let observed = places().into_iter().filter_map(|place| {
@@ -213,6 +202,24 @@ fn observe(
         Some(Observed { level, sun: lit.map(|lit| if lit { cosine } else { 0.0 }), sample })
     });
     Some(observed.collect())
+}
+
+/// Options of pictures that are traced so finely that bends are smooth, where a pixel is so many radii
+/// wide, and how much finer than the given ones they are.
+pub(in crate::cpu) fn finely(options: &RenderOptions, pixel: f32) -> (u32, RenderOptions) {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
+    let finer = (pixel / FINE_RADII).ceil().clamp(1.0, MAX_FINER) as u32;
+    let fine = RenderOptions {
+        width: options.width.saturating_mul(finer),
+        height: options.height.saturating_mul(finer),
+        sky_rays: SKY_RAYS,
+        // Far yarns have no noise, and so no seed.
+        seed: 0,
+        spp: 1,
+        lod: false,
+        ..options.clone()
+    };
+    (finer, fine)
 }
 
 /// The yarns of the blocks that meet a part of the picture, without textures.
