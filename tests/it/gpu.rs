@@ -292,6 +292,31 @@ fn odd_strands_are_drawn_or_passed_over() {
     }
 }
 
+/// Covered pixels of a picture without a background.
+fn cover(picture: &RgbaImage) -> f64 {
+    picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0).sum()
+}
+
+#[test]
+fn a_long_strand_is_drawn_through_all_of_its_points() {
+    if !can_draw("a_long_strand_is_drawn_through_all_of_its_points") {
+        return;
+    }
+    let mut scene = Scene::default();
+    scene.looks.push(YarnLook::plain(Vec3::splat(0.5), 0.7, 0.1));
+    // A fibre's helix: fifty turns of eight points.
+    let points = (0_u16..=400).map(|at| {
+        let (sin, cos) = (f32::from(at) * std::f32::consts::FRAC_PI_4).sin_cos();
+        Vec3::new(f32::from(at) * 0.1, cos, sin)
+    });
+    scene.push_strand(points, 0);
+    let background = Background::Transparent;
+    let options = RenderOptions { width: 256, height: 256, background, ..RenderOptions::default() };
+    let [card, processor] = [RendererChoice::Gpu, RendererChoice::Cpu]
+        .map(|renderer| cover(&on(renderer, &scene, &front(&scene), &options)));
+    assert!((card / processor - 1.0).abs() < 0.05, "{card} {processor}");
+}
+
 #[test]
 fn without_hardware_the_processor_draws_by_itself() {
     let scene = cloth::swatch(&Fabric::named("tricot").unwrap(), 3, 3);

@@ -20,6 +20,10 @@ use warpknit_core::ids::{YarnId, index32};
 /// a millimetre, and whole stitches coincide.
 pub const MAX_COORDINATE: f32 = 1e7;
 
+/// Spans that count as a stitch in strands without any. The graphics card divides each stitch into as many
+/// pieces, and a knitted stitch has about as many spans.
+const STITCH_SPANS: u32 = 10;
+
 /// Whether renderers accept `point` as a point of a yarn: finite, and not beyond
 /// [`MAX_COORDINATE`].
 #[must_use]
@@ -208,8 +212,8 @@ impl Scene {
         self.strands.clear();
     }
 
-    /// Appends one strand through `points` with the look at index `look`. All of it is one stitch,
-    /// in a fabric that faces +z.
+    /// Appends one strand through `points` with the look at index `look`, in a fabric that faces +z. As
+    /// it has no stitches, ten spans in a row count as one.
     ///
     /// ```
     /// use glam::Vec3;
@@ -219,6 +223,12 @@ impl Scene {
     /// ```
     pub fn push_strand(&mut self, points: impl IntoIterator<Item = Vec3>, look: u16) {
         self.push_stitches(points.into_iter().map(|point| (point, Vec3::Z)), [0], look);
+        if let Some(SceneStrand { points, stitches, .. }) = self.strands.last_mut() {
+            // No stitch begins at the last point, where no span does.
+            let further = (points.start + STITCH_SPANS)..points.end.saturating_sub(1);
+            self.stitches.extend(further.step_by(STITCH_SPANS as usize));
+            stitches.end = index32(self.stitches.len());
+        }
     }
 
     /// Appends one strand through points, each with the fabric's unit normal. `stitches` are the
