@@ -318,7 +318,19 @@ impl Scene {
     /// none.
     #[must_use]
     pub fn radii(&self) -> (f32, f32) {
-        let radii = self.strands.iter().filter_map(|strand| self.radius(strand));
+        self.radii_where(|_| true)
+    }
+
+    /// As [`Scene::radii`], of yarns that are no fibre or hair.
+    #[must_use]
+    pub(crate) fn yarn_radii(&self) -> (f32, f32) {
+        self.radii_where(|look| !look.is_fibre)
+    }
+
+    fn radii_where(&self, is_wanted: impl Fn(&YarnLook) -> bool) -> (f32, f32) {
+        let wanted =
+            self.strands.iter().filter(|strand| is_wanted(&self.looks[usize::from(strand.look)]));
+        let radii = wanted.filter_map(|strand| self.radius(strand));
         radii.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| {
             (radius.min(thinnest), radius.max(thickest))
         })

@@ -37,9 +37,6 @@ const SHIFT: f64 = 0.618_033_988_75;
 const BLOCK: u32 = 16;
 /// Weight of what is expected beforehand, in places. It decides where the camera sees no patch.
 const PRIOR_PLACES: f32 = 8.0;
-/// What is expected: half of the cloth's depth above a place, and half of the sun's light.
-const PRIOR: NearLight =
-    NearLight { open: [0.5 * SKY_FACING[0], 0.5 * SKY_FACING[1]], brightness: 1.0, sunshine: 0.5 };
 
 /// What the yarns of cloth leave visible to each other, on average over the places that a camera sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,7 +52,7 @@ pub(crate) struct NearLight {
 
 impl Default for NearLight {
     fn default() -> Self {
-        PRIOR
+        Sums::PRIOR.means()
     }
 }
 
@@ -224,16 +221,17 @@ struct Sums {
 }
 
 impl Sums {
-    /// As many places as the prior weighs, half of them seen head-on and half of them along the cloth.
+    /// What is expected: half of the cloth's depth above a place, and half of the sun's light. Half of
+    /// the places are seen head-on and half of them along the cloth.
     const PRIOR: Self = Self {
         count: PRIOR_PLACES,
         cosine: PRIOR_PLACES / 2.0,
         cosine_squared: PRIOR_PLACES / 2.0,
-        open: PRIOR_PLACES * (PRIOR.open[0] + PRIOR.open[1] / 2.0),
-        open_cosine: PRIOR_PLACES * (PRIOR.open[0] + PRIOR.open[1]) / 2.0,
-        sun: PRIOR_PLACES * PRIOR.sunshine,
+        open: PRIOR_PLACES / 2.0 * (SKY_FACING[0] + SKY_FACING[1] / 2.0),
+        open_cosine: PRIOR_PLACES / 2.0 * (SKY_FACING[0] + SKY_FACING[1]) / 2.0,
+        sun: PRIOR_PLACES / 2.0,
         facing: PRIOR_PLACES,
-        light: PRIOR_PLACES * PRIOR.brightness,
+        light: PRIOR_PLACES,
         unhidden: PRIOR_PLACES,
     };
 
@@ -290,12 +288,13 @@ mod tests {
 
     #[test]
     fn without_places_the_expected_light_stays() {
-        let NearLight { open, brightness, sunshine } = Sums::PRIOR.means();
-        assert!((open[0] - PRIOR.open[0]).abs() < 1e-6 && (open[1] - PRIOR.open[1]).abs() < 1e-6);
+        let NearLight { open, brightness, sunshine } = NearLight::default();
+        let expected = SKY_FACING.map(|term| term / 2.0);
+        assert!((open[0] - expected[0]).abs() < 1e-6 && (open[1] - expected[1]).abs() < 1e-6);
         assert_eq!([brightness, sunshine], [1.0, 0.5]);
         let empty = Patches::new(&Scene::default());
         let camera = Camera::view(View::Front, &[Vec3::ZERO, Vec3::ONE], 0.3, 1.0, 1.0);
-        assert_eq!(empty.light(&camera, &RenderOptions::default(), |_| true), Sums::PRIOR.means());
+        assert_eq!(empty.light(&camera, &RenderOptions::default(), |_| true), NearLight::default());
     }
 
     #[test]

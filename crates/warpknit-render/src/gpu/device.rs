@@ -15,8 +15,8 @@ pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     name: String,
-    /// Whether it computes on the CPU.
-    is_software: bool,
+    /// Whether the adapter computes on the processor.
+    pub(super) is_software: bool,
     fault: Arc<Mutex<Option<GpuError>>>,
 }
 
@@ -140,11 +140,6 @@ impl Gpu {
         });
         self.queue.write_buffer(&buffer, 0, contents);
         buffer
-    }
-
-    /// One of two sizes: for a card, and for software.
-    pub(super) fn tile(&self, [card, software]: [u32; 2]) -> u32 {
-        if self.is_software { software } else { card }
     }
 
     /// Fails with the first error so far, if there was one.

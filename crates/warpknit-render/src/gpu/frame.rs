@@ -10,8 +10,8 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::Yarns;
 use super::data;
-use super::lod::{Frustum, visible_chunks};
-use super::pages::Page;
+use super::lod::{Chunks, Frustum};
+use super::pages::{ChunkBounds, Page};
 use crate::cpu::patches::NearLight;
 use crate::scene::Shape;
 use crate::shade::LAYER_RADII;
@@ -69,9 +69,11 @@ pub(super) struct DepthMap {
 }
 
 /// Geometry of all passes of a frame.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct FrameSetup {
     pub(super) camera: Frustum,
+    /// The chunks in the camera's view.
+    pub(super) seen: Chunks,
     pub(super) sun: DepthMap,
     /// Depths around the eye.
     pub(super) depth: DepthMap,
@@ -108,25 +110,21 @@ impl FrameSetup {
         let pixel = camera.pixel_size(1.0, options.height) as f32;
         let clip_from_world = camera.clip_from_world(centre, options.aspect(), near, far);
         let frustum = Frustum { clip_from_world, eye: eye.extend(1.0), pixel };
-        let visible: Vec<_> = visible_chunks(pages, &frustum).collect();
+        let seen = Chunks::all(pages).within(pages, &frustum);
+        let visible = seen.bounds(pages);
         // The mean position of the visible chunks. The pixel's size there sets the resolution of
         // the maps.
-        let middle =
-            visible.iter().map(|bounds| bounds.centre).sum::<Vec3>() / visible.len().max(1) as f32;
+        let count = visible.clone().count().max(1) as f32;
+        let middle = visible.clone().map(|bounds| bounds.centre).sum::<Vec3>() / count;
         let pixel_there = pixel * (middle - eye).dot(ahead).max(near);
         let rig = options.light.around(camera);
-        let sun = sun_map(
-            pages,
-            visible.iter().map(|bounds| (bounds.centre, bounds.reach)),
-            rig.toward_sun,
-            thinnest,
-            pixel_there,
-        )?;
+        let sun = sun_map(pages, visible.clone(), rig.toward_sun, thinnest, pixel_there)?;
         let depth = depth_map(frustum, thinnest, pixel_there, near, far, options);
         let texel = sun.0.frustum.pixel;
-        let [thinnest_yarn, thickest_yarn] = yarns.yarn_radii;
+        let (thinnest_yarn, thickest_yarn) = yarns.yarn_radii;
         let farness = farness(yarns.shape, pixel_there / thickest_yarn);
-        let near_light = (farness > 0.0).then(|| near_light(yarns, &frustum, camera, options));
+        let near_light =
+            (farness > 0.0).then(|| near_light(yarns, visible, &frustum, camera, options));
         let NearLight { open, brightness, sunshine } = near_light.unwrap_or_default();
         let view = data::ViewUniform {
             clip_from_world,
@@ -149,7 +147,7 @@ impl FrameSetup {
             ..data::ViewUniform::zeroed()
         };
         let scale = texels(TEXELS_A_YARN * pixel_there / (2.0 * thinnest_yarn));
-        Some(Self { camera: frustum, sun: sun.0, depth, view, scale })
+        Some(Self { camera: frustum, sun: sun.0, depth, view, scale, seen })
     }
 }
 
@@ -164,14 +162,15 @@ fn farness(shape: Shape, pixel: f32) -> f32 {
 }
 
 /// What yarns leave visible to each other where the camera sees them.
-fn near_light(
+fn near_light<'a>(
     yarns: &Yarns,
+    visible: impl Iterator<Item = &'a ChunkBounds>,
     frustum: &Frustum,
     camera: &Camera,
     options: &RenderOptions,
 ) -> NearLight {
     let centre = yarns.centre.as_vec3();
-    let nearest = NearestDepths::new(&yarns.pages, frustum);
+    let nearest = NearestDepths::new(visible, frustum);
     yarns.patches.light(camera, options, |place| nearest.is_visible(place - centre))
 }
 
@@ -182,12 +181,12 @@ struct NearestDepths {
 }
 
 impl NearestDepths {
-    fn new(pages: &[Page], frustum: &Frustum) -> Self {
+    fn new<'a>(visible: impl Iterator<Item = &'a ChunkBounds>, frustum: &Frustum) -> Self {
         let mut nearest = Self {
             clip_from_world: frustum.clip_from_world,
             squares: vec![f32::INFINITY; SQUARES * SQUARES],
         };
-        for bounds in pages.iter().flat_map(|page| &page.chunk_bounds) {
+        for bounds in visible {
             if let Some((square, depth)) = nearest.place(bounds.centre) {
                 nearest.squares[square] = nearest.squares[square].min(depth);
             }
@@ -213,19 +212,18 @@ impl NearestDepths {
 
 /// The sun's depth map over the visible chunks, and the matrix from world coordinates to its
 /// texels.
-fn sun_map(
+fn sun_map<'a>(
     pages: &[Page],
-    visible: impl Iterator<Item = (Vec3, f32)>,
+    visible: impl Iterator<Item = &'a ChunkBounds>,
     toward_sun: Vec3,
     thinnest: f32,
     pixel: f32,
 ) -> Option<(DepthMap, Mat4)> {
     let (across, up) = toward_sun.any_orthonormal_pair();
-    let (low, high) =
-        visible.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, reach)| {
-            let at = Vec2::new(across.dot(centre), up.dot(centre));
-            (low.min(at - reach), high.max(at + reach))
-        });
+    let (low, high) = visible.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), bounds| {
+        let at = Vec2::new(across.dot(bounds.centre), up.dot(bounds.centre));
+        (low.min(at - bounds.reach), high.max(at + bounds.reach))
+    });
     if low.x >= high.x {
         return None;
     }

@@ -1,8 +1,8 @@
 //! Level of detail and view-frustum culling: which yarns a pass draws, and how finely.
 //!
-//! In: chunks with their bounding balls, and a [`Frustum`] with the size of a pixel. Out:
-//! [`DrawPlan`], instances sorted into batches that share a step length, a cross-section and a set
-//! of textures. Chunks outside of the frustum are left out.
+//! In: chunks with their bounding balls, and a [`Frustum`] with the size of a pixel. Out: the
+//! [`Chunks`] inside the frustum, and their [`DrawPlan`], instances sorted into batches that share a
+//! step length, a cross-section and a set of textures.
 //!
 //! With level of detail, steps are doubled until they are as long as a pixel, or would cut off windings
 //! of the yarn. A cross-section has
@@ -70,16 +70,38 @@ fn ball_in_view(sides: &[Vec4; 4], centre: Vec3, reach: f32) -> bool {
     sides.iter().all(|side| side.dot(centre.extend(1.0)) > -reach)
 }
 
-/// The chunks inside the frustum.
-pub(super) fn visible_chunks<'a>(
-    pages: &'a [Page],
-    frustum: &Frustum,
-) -> impl Iterator<Item = &'a ChunkBounds> {
-    let sides = frustum.sides();
-    pages
-        .iter()
-        .flat_map(|page| &page.chunk_bounds)
-        .filter(move |bounds| ball_in_view(&sides, bounds.centre, bounds.reach))
+/// Numbers of chunks, by page.
+#[derive(Clone, Debug)]
+pub(super) struct Chunks(Vec<Vec<u32>>);
+
+impl Chunks {
+    /// All chunks.
+    pub(super) fn all(pages: &[Page]) -> Self {
+        Self(pages.iter().map(|page| (0..index32(page.chunk_bounds.len())).collect()).collect())
+    }
+
+    /// Those of them inside a frustum.
+    pub(super) fn within(&self, pages: &[Page], frustum: &Frustum) -> Self {
+        let sides = frustum.sides();
+        let of_page = |(numbers, page): (&Vec<u32>, &Page)| {
+            let bounds = |number: u32| &page.chunk_bounds[number as usize];
+            let is_inside =
+                |&number: &u32| ball_in_view(&sides, bounds(number).centre, bounds(number).reach);
+            numbers.iter().copied().filter(is_inside).collect()
+        };
+        Self(self.0.par_iter().zip(pages).map(of_page).collect())
+    }
+
+    /// Their bounds.
+    pub(super) fn bounds<'a>(
+        &'a self,
+        pages: &'a [Page],
+    ) -> impl Iterator<Item = &'a ChunkBounds> + Clone {
+        let of_page = |(numbers, page): (&'a Vec<u32>, &'a Page)| {
+            numbers.iter().map(|&number| &page.chunk_bounds[number as usize])
+        };
+        self.0.iter().zip(pages).flat_map(of_page)
+    }
 }
 
 /// State that the instances of a batch share.
@@ -112,21 +134,19 @@ pub(super) struct DrawPlan {
 }
 
 impl DrawPlan {
-    /// Plans a pass.
+    /// Plans a pass over chunks.
     pub(super) fn new(
         rules: &LodRules,
         pages: &[Page],
+        chunks: &Chunks,
         frustum: &Frustum,
         options: &RenderOptions,
     ) -> Self {
-        let sides = frustum.sides();
-        let of_page = |(number, page): (usize, &Page)| {
+        let of_page = |(number, (page, chunks)): (usize, (&Page, &Vec<u32>))| {
             // An ordered map, so that batches come in the same order every time.
             let mut sorted: BTreeMap<BatchKey, Vec<u32>> = BTreeMap::new();
-            for (chunk, bounds) in (0..).zip(&page.chunk_bounds) {
-                if !ball_in_view(&sides, bounds.centre, bounds.reach) {
-                    continue;
-                }
+            for &chunk in chunks {
+                let bounds = &page.chunk_bounds[chunk as usize];
                 // One decision per chunk, by the pixel at its nearest point, so that no part of it
                 // is too coarse.
                 let key = rules.key(bounds, frustum.pixel_on(bounds), options);
@@ -141,7 +161,8 @@ impl DrawPlan {
             }
             (batches, all)
         };
-        let (batches, parts): (Vec<_>, Vec<_>) = pages.par_iter().enumerate().map(of_page).unzip();
+        let (batches, parts): (Vec<_>, Vec<_>) =
+            pages.par_iter().zip(&chunks.0).enumerate().map(of_page).unzip();
         Self { parts, batches: batches.into_iter().flatten().collect() }
     }
 }

@@ -11,8 +11,8 @@
 //! 4. Tone mapping, the same curve as in all renderers.
 //!
 //! `device` opens the adapter. `pages` keeps the yarns in its memory. `lod` selects the level of
-//! detail. `frame` computes projections. `pipelines` compiles shaders, `passes` records commands,
-//! and `resources` creates buffers and textures.
+//! detail. `frame` computes projections, and `tiles` divides the picture. `pipelines` compiles
+//! shaders, `passes` records commands, and `resources` creates buffers and textures.
 //!
 //! Not promised: the same bytes on two adapters. On one adapter they depend on the arguments alone.
 
@@ -30,12 +30,13 @@ mod pipelines;
 mod resources;
 #[cfg(unix)]
 mod silence;
+mod tiles;
 mod uploaded;
 
 use std::collections::BTreeMap;
 
 use bytemuck::bytes_of;
-use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use image::{Rgba, RgbaImage};
 use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 
@@ -48,10 +49,11 @@ use crate::GpuError;
 use crate::cpu::patches::Patches;
 use crate::scene::{Scene, Shape, YarnLook};
 use frame::{DepthMap, FrameSetup};
-use lod::{Frustum, LodRules};
+use lod::{Chunks, Frustum, LodRules};
 use pages::Page;
 use passes::{PreparedDraws, depth_attachment, screen_pass};
 use pipelines::{Layouts, PassKind, Pipelines};
+use tiles::Tile;
 
 /// Light before tone mapping. Half floats hold a thousand times the sun's.
 const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
@@ -60,11 +62,6 @@ const MOMENTS: TextureFormat = TextureFormat::Rgba32Float;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// Pixels as they go to files. The shader encodes sRGB itself.
 const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
-/// Largest side of a tile, texels, on a card and in software. With four samples, its light and depths take
-/// 235 and 60 MB. Smaller tiles look at all yarns more often.
-const TILES: [u32; 2] = [2048, 1024];
-/// Limit of supersampling, texels a pixel each way.
-const MAX_SUPERSAMPLING: u32 = 8;
 
 /// A device with everything that does not depend on the scene.
 #[derive(Debug)]
@@ -89,7 +86,7 @@ pub struct Yarns {
     looks: wgpu::Buffer,
     thinnest: f32,
     /// Radii of the thinnest and of the thickest yarn that is no fibre or hair.
-    yarn_radii: [f32; 2],
+    yarn_radii: (f32, f32),
     /// See [`Scene::mean_albedo`].
     albedo: Vec3,
     /// What they leave visible to each other, for pictures from afar.
@@ -98,27 +95,8 @@ pub struct Yarns {
     maps: Vec<wgpu::BindGroup>,
 }
 
-/// A frame's projections, and its filtered depths.
-type Geometry<'a> = (&'a FrameSetup, &'a wgpu::BindGroup);
-
-/// A part of a picture that is drawn at once.
-#[derive(Clone, Copy, Debug)]
-struct Tile {
-    /// Its first pixel.
-    corner: [u32; 2],
-    /// Pixels.
-    size: [u32; 2],
-    /// Texels a pixel each way.
-    scale: u32,
-}
-
-impl Tile {
-    /// Texels, with one more pixel on every side, because the reconstruction filter reaches into the
-    /// next tiles.
-    fn texels(self) -> [u32; 2] {
-        self.size.map(|pixels| (pixels + 2) * self.scale)
-    }
-}
+/// A frame's projections, and its filtered depths bound for the light pass.
+type Geometry = (FrameSetup, wgpu::BindGroup);
 
 impl Renderer {
     /// Compiles the shaders for pictures with this number of samples per pixel: 1 or 4.
@@ -191,7 +169,7 @@ impl Renderer {
             has_sheen,
             looks,
             thinnest,
-            yarn_radii: yarn_radii(scene),
+            yarn_radii: scene.yarn_radii(),
             albedo,
             patches: Patches::new(scene),
             maps,
@@ -209,14 +187,12 @@ impl Renderer {
         options: &RenderOptions,
     ) -> Result<RgbaImage, GpuError> {
         let mut picture = RgbaImage::new(options.width, options.height);
-        let frame = FrameSetup::new(yarns, camera, options);
-        let depth_maps =
-            frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
-        let geometry = frame.as_ref().zip(depth_maps.as_ref());
-        for tile in self.tiles(geometry, options, self.gpu.tile(TILES)) {
+        let geometry = self.geometry(yarns, camera, options)?;
+        let scale = texels_a_pixel(geometry.as_ref(), options);
+        for tile in tiles::tiles(options, scale, tiles::most_texels(&self.gpu)) {
             let drawn = self.gpu.texture(PICTURE, tile.size, TextureUsages::COPY_SRC, 1);
             let view = drawn.create_view(&wgpu::TextureViewDescriptor::default());
-            self.tile(yarns, geometry, options, tile, (&view, [0, 0]));
+            self.tile(yarns, geometry.as_ref(), options, tile, (&view, [0, 0]));
             self.gpu.read(&drawn, &mut picture, tile.corner)?;
         }
         Ok(picture)
@@ -233,39 +209,29 @@ impl Renderer {
         options: &RenderOptions,
         to: &wgpu::TextureView,
     ) -> Result<(), GpuError> {
-        let frame = FrameSetup::new(yarns, camera, options);
-        let depth_maps =
-            frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
-        let geometry = frame.as_ref().zip(depth_maps.as_ref());
-        // A window of one texel a pixel is drawn at once, since each tile looks at all yarns.
+        let geometry = self.geometry(yarns, camera, options)?;
+        let scale = texels_a_pixel(geometry.as_ref(), options);
+        // A window of one texel a pixel is drawn at once, since each tile has passes of its own.
         let whole = self.gpu.device.limits().max_texture_dimension_2d;
-        let texels = if scale(geometry, options) == 1 { whole } else { self.gpu.tile(TILES) };
-        for tile in self.tiles(geometry, options, texels) {
-            self.tile(yarns, geometry, options, tile, (to, tile.corner));
+        let most = if scale == 1 { whole } else { tiles::most_texels(&self.gpu) };
+        for tile in tiles::tiles(options, scale, most) {
+            self.tile(yarns, geometry.as_ref(), options, tile, (to, tile.corner));
             // Without waiting, all tiles would have their textures at once.
             self.gpu.wait()?;
         }
         Ok(())
     }
 
-    /// The tiles of a picture, of at most so many texels a side with their margin of one pixel on
-    /// all sides.
-    fn tiles(
-        &self,
-        geometry: Option<Geometry<'_>>,
+    /// Computes a frame's projections and depths. `None` if the camera sees no yarn.
+    fn geometry(
+        &mut self,
+        yarns: &Yarns,
+        camera: &Camera,
         options: &RenderOptions,
-        texels: u32,
-    ) -> impl Iterator<Item = Tile> + use<> {
-        let scale = scale(geometry, options);
-        let side = texels.min(self.gpu.device.limits().max_texture_dimension_2d) / scale - 2;
-        let (width, height) = (options.width, options.height);
-        let corners = (0..height)
-            .step_by(side as usize)
-            .flat_map(move |y| (0..width).step_by(side as usize).map(move |x| [x, y]));
-        corners.map(move |corner| {
-            let size = [side.min(width - corner[0]), side.min(height - corner[1])];
-            Tile { corner, size, scale }
-        })
+    ) -> Result<Option<Geometry>, GpuError> {
+        let Some(frame) = FrameSetup::new(yarns, camera, options) else { return Ok(None) };
+        let depth_maps = self.depth_maps(yarns, &frame, options)?;
+        Ok(Some((frame, depth_maps)))
     }
 
     /// Draws and filters the depths from the sun and around the eye; returns them bound for the
@@ -280,10 +246,13 @@ impl Renderer {
             .gpu
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
-        let [sun, depth] = [&frame.sun, &frame.depth].map(|map| {
-            let prepared = self.prepare_draws(yarns, &map.frustum, options, &[PassKind::Depth]);
-            self.depth_map(&mut encoder, yarns, frame, map, &prepared)
-        });
+        let lit = Chunks::all(&yarns.pages).within(&yarns.pages, &frame.sun.frustum);
+        let [sun, depth] =
+            [(&frame.sun, &lit), (&frame.depth, &frame.seen)].map(|(map, chunks)| {
+                let depths = &[PassKind::Depth];
+                let prepared = self.prepare_draws(yarns, chunks, &map.frustum, options, depths);
+                self.depth_map(&mut encoder, yarns, frame, map, &prepared)
+            });
         self.gpu.queue.submit([encoder.finish()]);
         self.gpu.fault()?;
         Ok(self.gpu.group(
@@ -362,7 +331,7 @@ impl Renderer {
     fn tile(
         &mut self,
         yarns: &Yarns,
-        geometry: Option<Geometry<'_>>,
+        geometry: Option<&Geometry>,
         options: &RenderOptions,
         tile: Tile,
         (to, at): (&wgpu::TextureView, [u32; 2]),
@@ -370,18 +339,11 @@ impl Renderer {
         let size = tile.texels();
         let light = self.gpu.target(LIGHT, size, 1);
         let draws = geometry.map(|(frame, depth_maps)| {
-            let view = tile_view(frame, options, tile);
+            let view = tile.view(frame, options);
             let frustum = Frustum { clip_from_world: view.clip_from_world, ..frame.camera };
-            (
-                view,
-                depth_maps,
-                self.prepare_draws(
-                    yarns,
-                    &frustum,
-                    options,
-                    &[PassKind::Prepass, PassKind::Light, PassKind::Fuzz],
-                ),
-            )
+            let chunks = frame.seen.within(&yarns.pages, &frustum);
+            let kinds = &[PassKind::Prepass, PassKind::Light, PassKind::Fuzz];
+            (view, depth_maps, self.prepare_draws(yarns, &chunks, &frustum, options, kinds))
         });
         let mut encoder = self
             .gpu
@@ -481,46 +443,9 @@ impl Renderer {
     }
 }
 
-/// Radii of the thinnest and of the thickest yarn of a scene; infinity and 0 if it has fibres alone.
-fn yarn_radii(scene: &Scene) -> [f32; 2] {
-    let looks = scene.looks.iter().filter(|look| !look.is_fibre && look.radius > 0.0);
-    looks.fold([f32::INFINITY, 0.0], |[thinnest, thickest], look| {
-        [look.radius.min(thinnest), look.radius.max(thickest)]
-    })
-}
-
-/// Uniforms of a tile.
-fn tile_view(frame: &FrameSetup, options: &RenderOptions, tile: Tile) -> data::ViewUniform {
-    let scale = tile.scale as f32;
-    let corner = Vec2::from(tile.corner.map(|pixels| pixels as f32)) - 1.0;
-    let [tile_width, tile_height] = tile.texels().map(|texels| texels as f32);
-    data::ViewUniform {
-        clip_from_world: crop(options, corner, Vec2::new(tile_width, tile_height) / scale)
-            * frame.camera.clip_from_world,
-        tile_width,
-        tile_height,
-        corner_x: corner.x * scale,
-        corner_y: corner.y * scale,
-        depth_scale: frame.view.depth_scale / scale,
-        ..frame.view
-    }
-}
-
-/// Texels a pixel each way: for the samples that are wanted beyond those of multisampling, and with
-/// multisampling for yarns that are thinner than pixels.
-fn scale(geometry: Option<Geometry<'_>>, options: &RenderOptions) -> u32 {
-    let wanted = (options.spp / options.samples.max(1)).isqrt();
-    let needed = geometry.filter(|_| options.samples > 1).map_or(1, |(frame, _)| frame.scale);
-    wanted.max(needed).clamp(1, MAX_SUPERSAMPLING)
-}
-
-/// Matrix that enlarges a part of the picture to all of clip space: `size` pixels from `corner` on.
-fn crop(options: &RenderOptions, corner: Vec2, size: Vec2) -> Mat4 {
-    let whole = Vec2::new(options.width as f32, options.height as f32);
-    let scale = whole / size;
-    // The part's centre in clip coordinates, y up.
-    let middle = ((corner + size / 2.0) / whole * 2.0 - 1.0) * Vec2::new(1.0, -1.0);
-    Mat4::from_translation((-middle * scale).extend(0.0)) * Mat4::from_scale(scale.extend(1.0))
+/// Texels of a picture a pixel each way.
+fn texels_a_pixel(geometry: Option<&Geometry>, options: &RenderOptions) -> u32 {
+    tiles::scale(geometry.map_or(1, |(frame, _)| frame.scale), options)
 }
 
 /// A look in the shaders' layout.

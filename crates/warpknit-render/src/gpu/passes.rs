@@ -36,15 +36,16 @@ impl Yarns {
 }
 
 impl Renderer {
-    /// Plans a pass, creates its pipelines, and uploads its instances.
+    /// Plans a pass over chunks, creates its pipelines, and uploads its instances.
     pub(super) fn prepare_draws(
         &mut self,
         yarns: &Yarns,
+        chunks: &lod::Chunks,
         frustum: &lod::Frustum,
         options: &RenderOptions,
         pass_kind: &[PassKind],
     ) -> PreparedDraws {
-        let plan = DrawPlan::new(&yarns.lod, &yarns.pages, frustum, options);
+        let plan = DrawPlan::new(&yarns.lod, &yarns.pages, chunks, frustum, options);
         for batch in &plan.batches {
             for pipeline in pass_kind
                 .iter()

@@ -36,7 +36,7 @@ use crate::{Camera, RenderOptions};
 /// than they are worth.
 const TRACED_TILES: u32 = 8;
 /// Sky rays at each place. With 64 places in a tile, they cost about as much as its masks.
-pub(in crate::cpu) const SKY_RAYS: u32 = 16;
+const SKY_RAYS: u32 = 16;
 /// Side of the traced part in the middle of a tile, in radii of the thickest yarn: a few stitches.
 pub(in crate::cpu) const PART_RADII: f32 = 64.0;
 /// Limits of that side, cells. The tile must know the depths around it.
