@@ -114,6 +114,7 @@ pub struct GarmentReport {
     /// Length of one flat unit, mm.
     pub uv_scale_mm: f64,
     pub warnings: Vec<String>,
+    pub notes: Vec<String>,
     /// Draped area that takes no stitches.
     pub lost_cm2: f64,
     /// The same as a share of the draped area.

@@ -27,21 +27,22 @@ pub(crate) struct Fabric {
     pub(crate) fabric: fabric::Fabric,
 }
 
-/// One text or a list of them.
-#[derive(FromPyObject)]
-pub(crate) enum Texts {
-    /// The same for all bars.
-    One(String),
-    /// One for each bar, front first. The last is that of all bars after it.
-    Each(Vec<String>),
-}
+/// One text, or a list of one for each bar, front first.
+struct Texts(Vec<String>);
 
-impl Texts {
-    fn into_vec(self) -> Vec<String> {
-        match self {
-            Self::One(text) => vec![text],
-            Self::Each(texts) => texts,
+impl FromPyObject<'_, '_> for Texts {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        if let Ok(text) = given.extract::<String>() {
+            return Ok(Self(vec![text]));
         }
+        let Ok(texts) = given.extract::<Vec<String>>() else {
+            return Err(PyTypeError::new_err(
+                "must be a text, or a list of texts with one for each bar",
+            ));
+        };
+        Ok(Self(texts))
     }
 }
 
@@ -96,7 +97,7 @@ impl Fabric {
     ///
     /// Raises FabricError. Warns if yarns and densities don't fit.
     #[staticmethod]
-    #[pyo3(signature = (chains, threading=None, yarn=Texts::One("44 dtex".to_owned()), *,
+    #[pyo3(signature = (chains, threading=None, yarn=Texts(vec!["44 dtex".to_owned()]), *,
                         wales_per_cm=None, courses_per_cm=None),
            text_signature = "(chains, threading=None, yarn='44 dtex', *, wales_per_cm=None, courses_per_cm=None)")]
     fn from_chains(
@@ -107,7 +108,7 @@ impl Fabric {
         wales_per_cm: Option<f64>,
         courses_per_cm: Option<f64>,
     ) -> PyResult<Self> {
-        let chains = chains.into_vec();
+        let Texts(chains) = chains;
         if chains.is_empty() {
             return Err(FabricError::new_err(
                 "there are no chains: give one for each guide bar, such as \"1-0/1-2//\"",
@@ -115,9 +116,9 @@ impl Fabric {
         }
         let refuse = |error| error::of_fabric(&error, None);
         let counts =
-            yarn.into_vec().iter().map(|text| text.parse::<Count>()).collect::<Result<Vec<_>, _>>();
+            yarn.0.iter().map(|text| text.parse::<Count>()).collect::<Result<Vec<_>, _>>();
         let counts = counts.map_err(|error| FabricError::new_err(error.to_string()))?;
-        let threadings = threading.map_or_else(Vec::new, Texts::into_vec);
+        let threadings = threading.map_or_else(Vec::new, |threading| threading.0);
         if threadings.len() > chains.len() {
             return Err(FabricError::new_err(format!(
                 "threading has {} marks for {} chains: give one for each chain, or one for all",

@@ -3,12 +3,16 @@
 //! In: blocks as `warpknit::drape::run` delivers them, whose memory is used again. Out: [`Laid`], a
 //! row a point and a row a strand, as numpy takes them. Cost: 88 bytes a point.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use glam::DVec3;
-use warpknit::drape::strands::{CUT, Strand};
+use warpknit::drape::strands::Strand;
 use warpknit::drape::{Block, Cloth, DrapeOptions, Totals, run};
 use warpknit::ids::index32;
-use warpknit::knit::Tag;
 use warpknit::map::relaxed::StrainCounts;
+
+/// The work was stopped.
+pub(crate) struct Stopped;
 
 /// The arrays of all yarns.
 #[derive(Default)]
@@ -38,16 +42,18 @@ pub(crate) struct Laid {
 /// Knits and maps a cloth, and gathers its yarns.
 ///
 /// # Errors
-/// What `look` says: it is called between blocks.
-pub(crate) fn lay<E>(
+/// [`Stopped`] between blocks, if they are unwanted.
+pub(crate) fn lay(
     cloth: &Cloth<'_>,
     options: &DrapeOptions,
-    look: &dyn Fn() -> Result<(), E>,
-) -> Result<(Laid, Totals), E> {
+    is_unwanted: &AtomicBool,
+) -> Result<(Laid, Totals), Stopped> {
     let strain = vec![StrainCounts::default(); cloth.garment().panels.len()];
     let mut laid = Laid { offsets: vec![0], first_stitches: vec![0], strain, ..Laid::default() };
     let totals = run(cloth, options, &mut |_, _| {}, &mut |blocks| {
-        look()?;
+        if is_unwanted.load(Ordering::Relaxed) {
+            return Err(Stopped);
+        }
         blocks.iter().for_each(|block| laid.add(block));
         Ok(())
     })?;
@@ -71,16 +77,10 @@ impl Laid {
     }
 
     fn add_strand(&mut self, block: &Block, strand: &Strand) {
-        let sources = &block.strands.sources[strand.range()];
-        let tag = |source: &u32| block.knitted.tags.get(*source as usize);
-        // An end that the panel's edge cut lies between two data points: it counts as the one that
-        // is left.
-        let first = sources.iter().find(|source| **source != CUT).and_then(tag);
-        let mut last = first.map_or((0, 0), place);
-        for source in sources {
-            last = tag(source).map_or(last, place);
-            self.course.push(last.0);
-            self.wale.push(last.1);
+        for at in strand.points.clone() {
+            let tag = block.tag_near(strand, at);
+            self.course.push(tag.map_or(0, |tag| tag.course));
+            self.wale.push(tag.map_or(0, |tag| tag.wale));
         }
         self.offsets.push(index64(self.course.len()));
         self.yarn.push(index(strand.yarn.0 as usize));
@@ -90,10 +90,6 @@ impl Laid {
         self.stitches.extend(pieces.map(|piece| index32(piece.start)));
         self.first_stitches.push(self.stitches.len());
     }
-}
-
-fn place(tag: &Tag) -> (i32, i32) {
-    (tag.course, tag.wale)
 }
 
 /// A number of things, of which there are far fewer than two thousand million.

@@ -2,11 +2,19 @@
 //!
 //! In: a garment and a fabric, or a fabric and a size. Out: `Yarns`. Densities, limits and the cache
 //! of strained repeats are those of the command.
+//!
+//! The work has a thread of its own, and Python's looks for Ctrl-C meanwhile. Not promised: that the work
+//! ends at once. What is being laid then goes on to the next block of yarns, and nobody sees it.
 
+use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread;
+use std::time::Duration;
 
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use warpknit::drape::{Cloth, DrapeOptions, swatch_panel};
 use warpknit::garment::Panel;
@@ -19,7 +27,7 @@ use warpknit::{fabric, garment};
 use crate::error;
 use crate::fabric::{given, warn};
 use crate::garment::Garment;
-use crate::laid::{Laid, lay};
+use crate::laid::{Laid, Stopped, lay};
 use crate::names;
 use crate::yarns::{Origin, Yarns, whole};
 
@@ -30,10 +38,13 @@ const SWEPT_STITCH_GB: f64 = 3000e-9;
 /// The largest swatch each way.
 const MOST_SWATCH: u32 = 1000;
 
-/// An error in the work, or an interrupt of the user.
+/// How often Ctrl-C is looked for.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// An error in the work, or its end because nobody waits for it.
 enum Fault {
     Run(RunError),
-    Python(PyErr),
+    Stopped,
 }
 
 impl From<RunError> for Fault {
@@ -42,11 +53,42 @@ impl From<RunError> for Fault {
     }
 }
 
-impl From<Fault> for PyErr {
-    fn from(fault: Fault) -> Self {
-        match fault {
-            Fault::Run(error) => error::of_run(&error),
-            Fault::Python(error) => error,
+impl From<Stopped> for Fault {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
+    }
+}
+
+/// The result of work in a thread of its own. Ctrl-C ends the wait for it.
+fn awaited<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&AtomicBool) -> Result<T, Fault> + Send + 'static,
+) -> PyResult<T> {
+    let is_unwanted = Arc::new(AtomicBool::new(false));
+    let (sender, mut receiver) = channel();
+    let told = Arc::clone(&is_unwanted);
+    // Nobody may be left to take the result.
+    let worker = thread::spawn(move || drop(sender.send(work(&told))));
+    loop {
+        let (kept, result) = py.detach(move || {
+            let result = receiver.recv_timeout(LOOK);
+            (receiver, result)
+        });
+        receiver = kept;
+        match result {
+            Ok(Ok(done)) => return Ok(done),
+            Ok(Err(Fault::Run(error))) => return Err(error::of_run(&error)),
+            Err(RecvTimeoutError::Timeout) => {
+                if let Err(interrupt) = py.check_signals() {
+                    is_unwanted.store(true, Ordering::Relaxed);
+                    return Err(interrupt);
+                }
+            }
+            // It stops only when told to, so it panicked.
+            Ok(Err(Fault::Stopped)) | Err(RecvTimeoutError::Disconnected) => {
+                let panic = worker.join().expect_err("work without a result panicked");
+                resume_unwind(panic)
+            }
         }
     }
 }
@@ -71,7 +113,7 @@ impl From<Fault> for PyErr {
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn drape(
     py: Python<'_>,
-    garment: &Garment,
+    garment: &Bound<'_, PyAny>,
     fabric: &Bound<'_, PyAny>,
     wales_per_cm: Option<f64>,
     mapping: &str,
@@ -80,6 +122,13 @@ pub(crate) fn drape(
     edge: &str,
     sweeps: Option<bool>,
 ) -> PyResult<Yarns> {
+    let Ok(garment) = garment.cast::<Garment>() else {
+        return Err(PyTypeError::new_err(format!(
+            "garment is of type {}, but must be a Garment: Garment.load reads files",
+            garment.get_type().name()?
+        )));
+    };
+    let garment = garment.get();
     let placement =
         Placement { mapping: names::mapping(mapping)?, sweeps, edge: names::edge(edge)? };
     let densities = Densities { wales_per_cm, courses_per_cm };
@@ -102,10 +151,13 @@ pub(crate) fn drape(
     };
     let named = densities.of_fabric(given(fabric)?);
     let named = named.map_err(|error| error::of_fabric(&error, None))?;
-    let work = || laid(&garment.garment, &named, &settings);
-    let (draped, shown, laid, notes) = py.detach(work)?;
-    for note in notes {
-        warn(py, &note)?;
+    let inputs = (Arc::clone(&garment.garment), named.clone(), settings.clone());
+    let (draped, shown, laid, warnings) = awaited(py, move |is_unwanted| {
+        let (garment, named, settings) = &inputs;
+        laid(garment, named, settings, is_unwanted)
+    })?;
+    for warning in warnings {
+        warn(py, &warning)?;
     }
     let source = source(&named, garment.inputs.clone());
     Yarns::new(py, Origin::Garment(draped), (named, shown), settings, source, laid)
@@ -120,6 +172,7 @@ fn laid(
     garment: &Arc<garment::Garment>,
     fabric: &fabric::Fabric,
     settings: &Settings,
+    is_unwanted: &AtomicBool,
 ) -> Result<Drape, Fault> {
     pipeline::check_placement(settings.placement)?;
     let mut garment = Arc::clone(garment);
@@ -132,14 +185,14 @@ fn laid(
         Some(enlarge) if !settings.densities.are_chosen() => enlarge.of_fabric(fabric, area)?,
         _ => fabric.clone(),
     };
-    pipeline::drawn_radius(&shown, None)?;
+    let radius = pipeline::drawn_radius(&shown, None)?;
     let cloth = Cloth::cover(&garment, &shown)
         .map_err(|source| RunError::Layout { fabric: fabric.name.clone(), source })?;
     let options = DrapeOptions::from(settings.placement);
     check_size(&cloth, &options)?;
     let wants_strain = options.mapping == Mapping::Relaxed;
     let cache = StrainCache::open(settings.cache.as_deref().filter(|_| wants_strain), &cloth);
-    let (laid, totals) = lay(&cloth, &options, &interrupted)?;
+    let (laid, totals) = lay(&cloth, &options, is_unwanted)?;
     cache.keep(&cloth);
     pipeline::check_laid(&totals)?;
     let notes = [
@@ -147,10 +200,11 @@ fn laid(
         pipeline::lengths_note(&cloth, &options),
         pipeline::locked_warning(&laid.strain, &garment),
     ];
-    let notes = notes.into_iter().flatten().collect();
+    let mut warnings = pipeline::cloth_warnings(&cloth, &shown, radius);
+    warnings.extend(notes.into_iter().flatten());
     drop(cloth);
     // Files are made from the garment as it was read: a run turns the panels itself.
-    Ok((whole, shown, laid, notes))
+    Ok((whole, shown, laid, warnings))
 }
 
 /// Knits a flat piece of fabric, wales yarns a bar and courses courses, up to 1000 each.
@@ -168,17 +222,22 @@ pub(crate) fn swatch(
 ) -> PyResult<Yarns> {
     let sides = 1..=MOST_SWATCH;
     let (wales, courses) = (whole("wales", wales, &sides)?, whole("courses", courses, &sides)?);
-    let fabric = &given(fabric)?;
-    let laid = py.detach(|| -> Result<Laid, Fault> {
-        let panel = swatch_panel(fabric, wales, courses);
-        let cloth = Cloth::swatch(&panel, fabric, wales, courses);
+    let fabric = given(fabric)?;
+    let knitted = fabric.clone();
+    let (laid, warnings) = awaited(py, move |is_unwanted| {
+        let panel = swatch_panel(&knitted, wales, courses);
+        let cloth = Cloth::swatch(&panel, &knitted, wales, courses);
         // A swatch is its own drape, so no strain has to be looked up.
         let options = DrapeOptions { mapping: Mapping::Smooth, ..DrapeOptions::default() };
         check_size(&cloth, &options)?;
-        Ok(lay(&cloth, &options, &interrupted)?.0)
+        let warnings = pipeline::cloth_warnings(&cloth, &knitted, knitted.radius());
+        Ok((lay(&cloth, &options, is_unwanted)?.0, warnings))
     })?;
-    let fabrics = (fabric.clone(), fabric.clone());
-    let source = source(fabric, Vec::new());
+    for warning in warnings {
+        warn(py, &warning)?;
+    }
+    let source = source(&fabric, Vec::new());
+    let fabrics = (fabric.clone(), fabric);
     Yarns::new(py, Origin::Swatch([wales, courses]), fabrics, Settings::default(), source, laid)
 }
 
@@ -197,9 +256,4 @@ fn check_size(cloth: &Cloth<'_>, options: &DrapeOptions) -> Result<(), RunError>
     let remedy =
         "lower wales_per_cm, raise enlarge, or use the command, which writes block by block";
     pipeline::check_memory("an array of yarns", stitches, needed, remedy)
-}
-
-/// Whether the user has pressed Ctrl-C.
-fn interrupted() -> Result<(), Fault> {
-    Python::attach(|py| py.check_signals()).map_err(Fault::Python)
 }

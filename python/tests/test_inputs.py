@@ -105,6 +105,19 @@ def test_a_name_is_a_built_in_fabric() -> None:
         warpknit.drape(garment, "jersye")
     with pytest.raises(TypeError, match="^fabric is of type int, but must be a Fabric or the name of a built-in one$"):
         warpknit.swatch(5)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"^garment is of type str, but must be a Garment: Garment\.load reads files$"):
+        warpknit.drape("shirt.obj", "jersey")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="^must be a text, or a list of texts with one for each bar$"):
+        warpknit.Fabric.from_chains([3])  # type: ignore[list-item]
+
+
+def test_cloth_that_is_too_tight_is_warned_of() -> None:
+    wide = warpknit.Fabric.from_chains(["1-0/20-21//", "1-0/20-21//"])
+    with pytest.warns(UserWarning, match="cut each other"):
+        warpknit.swatch(wide, 24, 4)
+    garment = warpknit.Garment.from_arrays(SQUARE, BODY, FACES)
+    with pytest.warns(UserWarning, match="cut each other"):
+        warpknit.drape(garment, wide, 2.0, "smooth")
 
 
 @pytest.mark.parametrize("times", [0.0, -2.0, float("nan"), float("inf")])

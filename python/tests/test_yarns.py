@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -169,9 +170,36 @@ def test_files_hold_the_yarns_of_the_arrays(yarns: warpknit.Yarns, tmp_path: Pat
     assert (saved["draped"] == yarns.points).all()
     assert (saved["length"] == np.diff(yarns.offsets)).all() and (saved["bar"] == yarns.bar).all()
     whole = saved["kind"] != 255
-    assert (saved["course"] == yarns.course)[whole].all() and (saved["wale"] == yarns.wale)[whole].all()
+    assert not whole.all(), "the garment cuts yarns"
+    assert (saved["course"] == yarns.course).all() and (saved["wale"] == yarns.wale).all()
     report = json.loads((tmp_path / "cloth.json").read_text())
     assert report["data_points"] == whole.sum()
+
+
+def test_reports_tell_notes_from_warnings(tube: warpknit.Garment) -> None:
+    said = [warpknit.drape(tube, "tricot", mapping="smooth").report["garment"] for _ in range(2)]
+    assert said[0] == said[1] and said[0]["warnings"] == tube.warnings
+    assert any(note.startswith("the report has about") for note in said[0]["notes"])
+
+
+INTERRUPTED = """
+import os, signal, threading, warpknit
+garment = warpknit.Garment.load(MESH)
+threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+try:
+    warpknit.drape(garment, warpknit.Fabric.from_chains(["1-0/60-61//"]))
+except KeyboardInterrupt:
+    print("interrupted")
+    os._exit(0)
+"""
+
+
+def test_ctrl_c_is_heard_while_repeats_are_solved(meshes: Path, tmp_path: Path) -> None:
+    # Undisturbed, this drape takes minutes, all of them before the first block of yarns.
+    code = INTERRUPTED.replace("MESH", repr(str(meshes / "tshirt.obj")))
+    uncached = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], timeout=60, check=True, capture_output=True, text=True, env=uncached)
+    assert done.stdout == "interrupted\n"
 
 
 def test_files_are_those_of_the_command(meshes: Path, locknit: warpknit.Fabric, tmp_path: Path) -> None:

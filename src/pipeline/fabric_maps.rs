@@ -7,6 +7,7 @@ use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::numbers::RealCloth;
 use super::textures::{Textures, scene};
+use super::warnings::measured_warnings;
 use crate::fabric::Fabric;
 use crate::knit::{Pattern, clearance, links, run_in};
 use crate::render::fabric_maps::FabricMaps;
@@ -50,11 +51,10 @@ pub fn fabric_maps(
     let pattern = Pattern::with_progress(fabric, &mut |done| listener.progress(done));
     run_in::check(fabric, &pattern)?;
     let near = clearance::measure(fabric, &pattern, fabric.radius());
-    let warnings = run_in::missed(fabric, &pattern)
-        .into_iter()
-        .chain(links::measure(fabric, &pattern).warning())
-        .chain(clearance::warnings(fabric, &pattern, &near, fabric.radius()));
-    warnings.for_each(|text| listener.say(Message::Warning(&text)));
+    let links = links::measure(fabric, &pattern);
+    for warning in measured_warnings(fabric, &pattern, fabric.radius(), &near, &links) {
+        listener.say(Message::Warning(&warning));
+    }
     clock.begin(Task::Render, 0.0);
     let bars = scene(Shape::Tube, fabric, fabric.radius(), &textures);
     let maps = FabricMaps::draw(fabric, &pattern, &bars, dpi, &|done| listener.progress(done))

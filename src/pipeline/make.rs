@@ -11,7 +11,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::RunError;
-use super::clock::{Clock, Message, Task};
+use super::clock::{Clock, Task};
 use super::drawn::{Drawn, empty_scene};
 use super::edges;
 use super::job::Job;
@@ -20,6 +20,7 @@ use super::limits::{
 };
 use super::notes;
 use super::pictures::Pictures;
+use super::said::Said;
 use super::set;
 use super::settings::Wanted;
 use super::setup::Setup;
@@ -57,8 +58,7 @@ struct Prepared<'a> {
 struct Gathered {
     /// Complete files, still under their temporary names.
     files: Vec<Output>,
-    /// Everything that was said, for the report.
-    warnings: Vec<String>,
+    said: Said,
     /// Name of the renderer. Empty without a picture.
     drawn_by: String,
     picture: Option<PictureReport>,
@@ -71,10 +71,10 @@ pub(super) fn make(jobs: &[Job<'_>], mut clock: Clock<'_>) -> Result<Done, RunEr
     let mut all = Gathered::default();
     for one in &prepared {
         let warnings = one.setup.first_warnings(one.job);
-        all.warn(warnings, &clock);
+        all.said.warn(warnings, &clock);
     }
     for one in &prepared {
-        all.note(one.notes(jobs), &clock);
+        all.said.note(one.notes(jobs), &clock);
     }
     let mut summary = None;
     let last = prepared.len();
@@ -85,12 +85,12 @@ pub(super) fn make(jobs: &[Job<'_>], mut clock: Clock<'_>) -> Result<Done, RunEr
     let (job, setup, outputs, totals, draped) = summary.expect("a run has a job");
     clock.stop();
     // The report comes last, because it has the times of everything else.
-    let Gathered { mut files, warnings, drawn_by, picture, parts } = all;
+    let Gathered { mut files, said, drawn_by, picture, parts } = all;
     let summary = RunSummary {
         setup: &setup,
         totals: &totals,
         draped,
-        warnings,
+        said,
         drawn_by,
         picture,
         frames: Vec::new(),
@@ -102,29 +102,9 @@ pub(super) fn make(jobs: &[Job<'_>], mut clock: Clock<'_>) -> Result<Done, RunEr
 }
 
 impl Gathered {
-    /// Tells the listener the warnings that it has not heard yet.
-    fn warn(&mut self, texts: impl IntoIterator<Item = String>, clock: &Clock<'_>) {
-        for text in texts {
-            if !self.warnings.contains(&text) {
-                clock.listener().say(Message::Warning(&text));
-                self.warnings.push(text);
-            }
-        }
-    }
-
-    /// The same for notes. The report has them among the warnings, for scripts.
-    fn note(&mut self, texts: impl IntoIterator<Item = String>, clock: &Clock<'_>) {
-        for text in texts {
-            if !self.warnings.contains(&text) {
-                clock.listener().say(Message::Note(&text));
-                self.warnings.push(text);
-            }
-        }
-    }
-
     /// Adds the drawn pictures of a job.
     fn add(&mut self, drawing: Pictures, job: &Job<'_>, drawn: &Drawn<'_>, clock: &Clock<'_>) {
-        self.note(drawing.notice, clock);
+        self.said.note(drawing.notice, clock);
         self.files.extend(drawing.files);
         self.drawn_by = drawing.drawn_by;
         let loupe = drawn.loupe();
@@ -225,8 +205,8 @@ impl<'a> Prepared<'a> {
         if job.part.is_none() && !is_in_view {
             check_laid(&totals)?;
         }
-        all.warn(loss_warning(&totals), clock);
-        all.warn(locked_warning(&strain, job.cloth.garment()), clock);
+        all.said.warn(loss_warning(&totals), clock);
+        all.said.warn(locked_warning(&strain, job.cloth.garment()), clock);
         clock.begin(Task::Write, 1.0);
         all.files.extend(finished(sinks)?);
         if let Some((drawn, scene)) = &mut pictures {

@@ -167,9 +167,13 @@ fn listed(files: &[File], size: impl Fn(&File) -> f64) -> Option<String> {
 
 /// The names of a job's files with a verb that goes with one or with several, and whether it is one.
 fn subject(job: &Job<'_>, [one, several]: [&str; 2]) -> (bool, String) {
-    let names: Vec<_> = job.outputs.iter().map(|(path, _)| path.display().to_string()).collect();
-    let is_single = names.len() == 1;
-    (is_single, format!("{} {}", names.join(" and "), if is_single { one } else { several }))
+    let name = |(path, _): &Wanted| path.display().to_string();
+    match &job.outputs[..] {
+        [(_, Format::Json)] => (true, format!("the report {one}")),
+        [only] => (true, format!("{} {one}", name(only))),
+        [first, second] => (false, format!("{} and {} {several}", name(first), name(second))),
+        _ => (false, format!("the files {several}")),
+    }
 }
 
 /// A count with two digits that matter: `12000`, `950000`, `5.2 million`.

@@ -24,16 +24,17 @@ use crate::report::FrameReport;
 use glam::{DVec3, Vec3};
 
 use super::RunError;
-use super::clock::{Clock, Message, Task};
+use super::clock::{Clock, Task};
 use super::estimates::float;
 use super::job::Job;
 use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
 use super::notes;
 use super::pictures::Pictures;
+use super::said::Said;
 use super::set;
 use super::settings::Wanted;
 use super::setup::Setup;
-use super::summary::{Done, Laid, RunSummary, say_warnings};
+use super::summary::{Done, Laid, RunSummary};
 use super::targets::numbered;
 use super::writers::{check_places, finished, sinks};
 
@@ -88,7 +89,7 @@ struct Show<'a, 'b, 'c> {
     panels: Vec<StrainCounts>,
     strain: StrainCounts,
     drawn_by: String,
-    warnings: Vec<String>,
+    said: Said,
     clock: &'b mut Clock<'c>,
 }
 
@@ -126,7 +127,9 @@ pub(super) fn make(
     });
     check_laid(located.totals())?;
     warnings.extend(loss_warning(located.totals()));
-    say_warnings(&mut warnings, sizes.iter().chain(&job.notes), &clock);
+    let mut said = Said::default();
+    said.warn(warnings, &clock);
+    said.note(sizes.into_iter().chain(job.notes.iter().cloned()), &clock);
 
     clock.begin(Task::Strain, 0.0);
     let cache = job.cache();
@@ -143,7 +146,7 @@ pub(super) fn make(
         panels: vec![StrainCounts::default(); job.cloth.garment().panels.len()],
         strain: StrainCounts::default(),
         drawn_by,
-        warnings,
+        said,
         clock: &mut clock,
     };
     let frames = show.all(sequence)?;
@@ -151,7 +154,7 @@ pub(super) fn make(
         show.warn(locked);
     }
     cache.keep(job.cloth);
-    let Show { located, usd, strain, drawn_by, warnings, .. } = show;
+    let Show { located, usd, strain, drawn_by, said, .. } = show;
     clock.begin(Task::Write, 1.0);
     let usd = usd.into_iter().map(Moving::finish);
     let mut finished = usd.collect::<Result<Vec<_>, _>>()?;
@@ -162,7 +165,7 @@ pub(super) fn make(
         setup: &setup,
         totals: &totals,
         draped: None,
-        warnings,
+        said,
         drawn_by,
         picture: None,
         frames,
@@ -335,8 +338,7 @@ impl Show<'_, '_, '_> {
 
     /// Tells the listener a warning and keeps it for the report.
     fn warn(&mut self, what: String) {
-        self.clock.listener().say(Message::Warning(&what));
-        self.warnings.push(what);
+        self.said.warn([what], self.clock);
     }
 
     /// Makes a frame's files.
@@ -380,11 +382,7 @@ impl Show<'_, '_, '_> {
             pictures.draw(self.job, scene, fibres, (extent, None), &paths, self.clock)?;
             whole.extend(pictures.files);
             self.drawn_by = pictures.drawn_by;
-            // The renderer is the same for all frames, so its notice is given once.
-            if let Some(notice) = pictures.notice.filter(|notice| !self.warnings.contains(notice)) {
-                self.clock.listener().say(Message::Note(&notice));
-                self.warnings.push(notice);
-            }
+            self.said.note(pictures.notice, self.clock);
         }
         self.clock.stop();
         // The files of this frame are complete: they appear now, whatever happens to later frames.

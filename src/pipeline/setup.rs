@@ -12,6 +12,7 @@ use super::job::Job;
 use super::numbers::RealCloth;
 use super::settings::{Settings, Wanted};
 use super::textures::{self, Textures};
+use super::warnings::measured_warnings;
 use crate::drape::DrapeOptions;
 use crate::drape::evenness::Evenness;
 use crate::export::{Facts, Format, TextureSet, default_section};
@@ -62,18 +63,18 @@ impl Setup {
     /// Warnings about the garment and about how the fabric is drawn, before any yarn is laid.
     pub(super) fn first_warnings(&self, job: &Job<'_>) -> Vec<String> {
         let mut warnings = job.cloth.garment().summary.warnings.clone();
-        let pattern = job.cloth.pattern();
-        warnings.extend(run_in::missed(job.shown, pattern));
-        warnings.extend(self.links.warning());
+        let (pattern, radius) = (job.cloth.pattern(), self.section.radius);
         match &job.stretched {
             // What densities and yarns would fit says nothing of cloth that is pulled.
-            Some(stretched) => warnings.extend(stretched.warning(&self.near)),
-            None => warnings.extend(clearance::warnings(
-                job.shown,
-                pattern,
-                &self.near,
-                self.section.radius,
-            )),
+            Some(stretched) => {
+                warnings.extend(run_in::missed(job.shown, pattern));
+                warnings.extend(self.links.warning());
+                warnings.extend(stretched.warning(&self.near));
+            }
+            None => {
+                let (near, links) = (&self.near, &self.links);
+                warnings.extend(measured_warnings(job.shown, pattern, radius, near, links));
+            }
         }
         if job.settings.picture.shape == Shape::Ribbon {
             warnings.extend(self.textures.misfit(job.shown));

@@ -2,9 +2,10 @@
 //!
 //! In: a [`Job`] and the results of its stages. Out: report files, and [`Done`] for the caller.
 
-use super::clock::{Clock, Message};
+use super::clock::Clock;
 use super::job::Job;
 use super::numbers::RealCloth;
+use super::said::Said;
 use super::settings::Wanted;
 use super::setup::Setup;
 use super::stretch::{FreeWidth, Stretched};
@@ -50,7 +51,7 @@ pub(super) struct RunSummary<'a> {
     pub(super) totals: &'a Totals,
     /// Clearance on the body, if it was measured.
     pub(super) draped: Option<BodyClearance>,
-    pub(super) warnings: Vec<String>,
+    pub(super) said: Said,
     /// Name of the renderer. Empty without a picture.
     pub(super) drawn_by: String,
     /// The cloth of a garment's picture.
@@ -99,7 +100,8 @@ impl RunSummary<'_> {
                 triangles: garment.summary.triangles,
                 unit: garment.summary.unit,
                 uv_scale_mm: garment.summary.uv_scale_mm,
-                warnings: self.warnings.clone(),
+                warnings: self.said.warnings.clone(),
+                notes: self.said.notes.clone(),
                 lost_cm2: garment.summary.lost_mm2 / 100.0,
                 lost_percent: garment.summary.lost_percent(),
             },
@@ -177,21 +179,5 @@ fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
         porosity: numbers.porosity,
         stretch_warp,
         stretch_weft,
-    }
-}
-
-/// Tells the listener all warnings, then the notes. Notes are added to the warnings, so that the
-/// report has them for scripts.
-pub(super) fn say_warnings<'a>(
-    warnings: &mut Vec<String>,
-    notes: impl Iterator<Item = &'a String>,
-    clock: &Clock<'_>,
-) {
-    for warning in &*warnings {
-        clock.listener().say(Message::Warning(warning));
-    }
-    for note in notes {
-        clock.listener().say(Message::Note(note));
-        warnings.push(note.clone());
     }
 }

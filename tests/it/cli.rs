@@ -295,6 +295,19 @@ fn a_printed_fabric_is_taken_back() {
     assert_eq!(read("mine.csv"), read("own.csv"));
 }
 
+#[test]
+fn negative_numbers_are_values_and_no_flags() {
+    let folder = tempfile::tempdir().unwrap();
+    for flag in ["wales", "courses", "st", "sr", "flatten", "spp", "samples", "fov", "fibre-radius"]
+    {
+        let flag = format!("--{flag}");
+        let output = warpknit(folder.path()).args(["swatch", &flag, "-3"]).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.starts_with(&format!("error: invalid value '-3' for '{flag}")), "{said}");
+    }
+}
+
 /// Of every file but the report, which has times in it.
 const ENDINGS: [&str; 11] =
     ["png", "glb", "csv", "obj", "ply", "html", "usda", "bcc", "curves.txt", "inp", "npz"];

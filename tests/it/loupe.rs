@@ -68,7 +68,7 @@ fn pictures_show_true_gauge_beside_files_that_other_programs_open() {
     );
     assert!((count(&filed["wales_per_cm"]) - 15.0 / 3.01).abs() < 0.05);
     assert!(count(&pictured["loupe"]["times"]) > 4.0);
-    assert!(report["garment"]["warnings"].to_string().contains("shows true gauge"));
+    assert!(report["garment"]["notes"].to_string().contains("shows true gauge"));
     let beside = std::fs::read(folder.join("a.glb")).unwrap();
     let picture = std::fs::read(folder.join("a.png")).unwrap();
 
@@ -194,7 +194,7 @@ fn many_pictures_are_enlarged_and_have_no_loupe() {
     std::fs::copy(folder.path().join("sheet.obj"), folder.path().join("two.obj")).unwrap();
     let frames = ["drape", "sheet.obj", "sheet.obj", "two.obj", "--unit", "mm", "-o", "f.json"];
     let said = run(folder.path(), &frames);
-    assert!(said.contains("f.json has about 12000 stitches in place of 110000"), "{said}");
+    assert!(said.contains("the report has about 12000 stitches in place of 110000"), "{said}");
 }
 
 /// A picture of the sheet with more flags.

@@ -68,7 +68,7 @@ fn fabrics_whose_yarns_stretch_with_the_garment_are_named() {
     let (laid, said) = report(folder.path(), &["--fabric", "grid.toml"]);
     let note = "yarns stretch with the garment";
     assert!(said.contains("note: ") && said.contains(note), "{said}");
-    assert!(laid["garment"]["warnings"].to_string().contains(note));
+    assert!(laid["garment"]["notes"].to_string().contains(note));
     assert!(laid["strain"].is_null());
     let (_, said) = report(folder.path(), &["--fabric", "grid.toml", "--mapping", "smooth"]);
     assert!(!said.contains(note), "{said}");
@@ -164,8 +164,8 @@ fn said_of(factor: f64, flags: &[&str]) -> Result<Vec<String>, String> {
     }
     let text = std::fs::read_to_string(folder.path().join("o.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let said = report["garment"]["warnings"].as_array().unwrap().iter();
-    Ok(said.map(|text| text.as_str().unwrap().to_owned()).collect())
+    let said = ["warnings", "notes"].map(|key| report["garment"][key].as_array().unwrap());
+    Ok(said.into_iter().flatten().map(|text| text.as_str().unwrap().to_owned()).collect())
 }
 
 #[test]

@@ -4,8 +4,8 @@
 //!
 //! - A row a point, strand after strand, with the ends that the panel's edge cut: `flat`, `draped`,
 //!   `normal` (f8, 3 each, mm), `triangle` (u4, in file order), `weights` (f8, 3), `course`, `wale`
-//!   (i4), `kind` (u1: 0 loop, 1 inlay, 2 turn, 255 a cut end, whose other tags are 0) and `point`
-//!   (u2).
+//!   (i4), `kind` (u1: 0 loop, 1 inlay, 2 turn, 255 a cut end) and `point` (u2; 0 of a cut end). A cut
+//!   end has the course and the wale of the data point beside it.
 //! - A row a strand: `length` (u4, its points), `yarn`, `panel`, `bar` (u4, from 0).
 //! - A row a bar: `radius` (f8, mm), `color` (u1, 3, sRGB).
 //!
@@ -249,13 +249,18 @@ impl Array {
 
     /// Appends what the points' tags say.
     fn add_tags(self, block: &Block, bytes: &mut Buffer) {
-        for &source in &block.strands.sources {
-            let tag = (source != CUT).then(|| block.knitted.tags[source as usize]);
+        let strands = &block.strands;
+        let points = strands.strands.iter().flat_map(|strand| {
+            strand.points.clone().map(move |at| (strands.sources[at as usize], strand, at))
+        });
+        for (source, strand, at) in points {
+            let near = block.tag_near(strand, at);
+            let own = near.filter(|_| source != CUT);
             match self {
-                Self::Course => add(&tag.map_or(0, |tag| tag.course).to_le_bytes(), bytes),
-                Self::Wale => add(&tag.map_or(0, |tag| tag.wale).to_le_bytes(), bytes),
-                Self::Kind => add(&[tag.map_or(CUT_KIND, |tag| kind_number(tag.kind))], bytes),
-                _ => add(&tag.map_or(0, |tag| tag.point).to_le_bytes(), bytes),
+                Self::Course => add(&near.map_or(0, |tag| tag.course).to_le_bytes(), bytes),
+                Self::Wale => add(&near.map_or(0, |tag| tag.wale).to_le_bytes(), bytes),
+                Self::Kind => add(&[own.map_or(CUT_KIND, |tag| kind_number(tag.kind))], bytes),
+                _ => add(&own.map_or(0, |tag| tag.point).to_le_bytes(), bytes),
             }
         }
     }

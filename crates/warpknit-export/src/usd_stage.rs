@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 
 use super::StrandStyle;
 use warpknit_core::drape::Block;
-use warpknit_core::drape::strands::{CUT, Strand};
+use warpknit_core::drape::strands::Strand;
 use warpknit_core::number::narrow;
 use warpknit_core::yarn::curve::{self, Span};
 use warpknit_core::yarn::fibres::FIBRE_RADIUS;
@@ -125,15 +125,7 @@ pub(super) fn blocks_by_prim(blocks: &[Block]) -> impl Iterator<Item = &[Block]>
 
 /// Course and wale of a point. A cut end has those of the data point beside it.
 pub(super) fn course_and_wale(block: &Block, strand: &Strand, at: u32) -> [i32; 2] {
-    let sources = &block.strands.sources;
-    // Only a strand's first and last point can be cut, and the point next to it is a data point.
-    let inner = if at == strand.points.start { at + 1 } else { at.saturating_sub(1) };
-    let source =
-        [at, inner].map(|at| sources[at as usize]).into_iter().find(|&source| source != CUT);
-    source.map_or([UNKNOWN; 2], |source| {
-        let tag = block.knitted.tags[source as usize];
-        [tag.course, tag.wale]
-    })
+    block.tag_near(strand, at).map_or([UNKNOWN; 2], |tag| [tag.course, tag.wale])
 }
 
 /// Calls `take` with each point of a strand's curve, in the stage's units.

@@ -323,6 +323,7 @@ impl Scene {
 
     /// As [`Scene::radii`], of yarns that are no fibre or hair.
     #[must_use]
+    #[cfg(feature = "gpu")]
     pub(crate) fn yarn_radii(&self) -> (f32, f32) {
         self.radii_where(|look| !look.is_fibre)
     }

@@ -41,10 +41,10 @@ pub(crate) struct Bench {
     #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size)]
     pub(crate) size: (u32, u32),
     /// Edges of the tubes' section in weft
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(3..=64))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(3..=64), allow_negative_numbers = true)]
     pub(crate) sr: u32,
     /// Timed runs of each, after one run to warm up; pictures have three at most
-    #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000), allow_negative_numbers = true)]
     pub(crate) runs: u32,
     #[command(flatten)]
     pub(crate) running: Running,

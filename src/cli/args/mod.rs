@@ -265,10 +265,10 @@ pub(crate) struct Drape {
 #[derive(Args, Debug)]
 pub(crate) struct Swatch {
     /// Yarns a full bar
-    #[arg(long, value_name = "N", default_value_t = 14, value_parser = clap::value_parser!(u32).range(1..=20_000))]
+    #[arg(long, value_name = "N", default_value_t = 14, value_parser = clap::value_parser!(u32).range(1..=20_000), allow_negative_numbers = true)]
     pub(crate) wales: u32,
     /// Courses
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=20_000))]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=20_000), allow_negative_numbers = true)]
     pub(crate) courses: u32,
     /// Pull the cloth to X times its length along the courses (across the wales) and Y times along
     /// the wales; `free` for Y is the length that it takes by itself, with a table of it over the
@@ -299,10 +299,10 @@ pub(crate) struct Live {
     #[command(flatten)]
     pub(crate) laying: Laying,
     /// Yarns a full bar of a swatch
-    #[arg(long, value_name = "N", default_value_t = 14, conflicts_with = "flat", value_parser = clap::value_parser!(u32).range(1..=20_000))]
+    #[arg(long, value_name = "N", default_value_t = 14, conflicts_with = "flat", value_parser = clap::value_parser!(u32).range(1..=20_000), allow_negative_numbers = true)]
     pub(crate) wales: u32,
     /// Courses of a swatch
-    #[arg(long, value_name = "N", default_value_t = 16, conflicts_with = "flat", value_parser = clap::value_parser!(u32).range(1..=20_000))]
+    #[arg(long, value_name = "N", default_value_t = 16, conflicts_with = "flat", value_parser = clap::value_parser!(u32).range(1..=20_000), allow_negative_numbers = true)]
     pub(crate) courses: u32,
     /// Write a picture of the window to this file as soon as the cloth is drawn, and close
     #[arg(long, value_name = "OUT.png", value_parser = picture)]
@@ -380,7 +380,7 @@ pub(crate) struct MotionArgs {
     #[arg(long)]
     pub(crate) skip_bad_frames: bool,
     /// Frames a second, for a .usda or .usdc of a drape sequence
-    #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = positive)]
+    #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) fps: f64,
 }
 
@@ -388,7 +388,7 @@ pub(crate) struct MotionArgs {
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct Running {
     /// Threads [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), allow_negative_numbers = true)]
     pub(crate) threads: Option<u32>,
     /// Print only errors and the requested numbers
     #[arg(long)]

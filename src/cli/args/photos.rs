@@ -28,7 +28,7 @@ pub(crate) struct Yarn {
     pub(crate) contrast: Option<f32>,
     /// The grey that separates yarn from ground, 1 to 254, after the levels [default: by Otsu's
     /// method]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u8).range(1..=254))]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u8).range(1..=254), allow_negative_numbers = true)]
     pub(crate) threshold: Option<u8>,
     /// Pixels per inch, for example of a scanner
     #[arg(long, value_name = "DPI", value_parser = positive, allow_negative_numbers = true, conflicts_with = "yarn_width_mm")]

@@ -29,10 +29,10 @@ pub(crate) struct Drawing {
     #[arg(long, value_enum, default_value = "auto")]
     pub(crate) renderer: RendererArg,
     /// Samples for each pixel
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096), allow_negative_numbers = true)]
     pub(crate) spp: u32,
     /// Samples for smooth edges in each pixel on the graphics processor: 1 or 4
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = samples)]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = samples, allow_negative_numbers = true)]
     pub(crate) samples: u32,
     /// Level of detail: draw yarns of few pixels more coarsely
     #[arg(long, value_enum, default_value = "on")]
@@ -48,6 +48,6 @@ pub(crate) struct Drawing {
     #[arg(long, value_name = "DIR|IMAGE")]
     pub(crate) texture: Option<PathBuf>,
     /// Write N pictures from all around: NAME-001.png and so on
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999), allow_negative_numbers = true)]
     pub(crate) turntable: Option<u32>,
 }

@@ -35,17 +35,17 @@ pub(crate) struct Shared {
     #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) courses_per_cm: Option<f64>,
     /// Tube segments for each stitch [default: 10 in files, 40 in pictures]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), allow_negative_numbers = true)]
     pub(crate) st: Option<u32>,
     /// Edges of a tube's section [default: 6 in files, 12 in pictures]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=64))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=64), allow_negative_numbers = true)]
     pub(crate) sr: Option<u32>,
     /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) radius: Option<f64>,
     /// Width over height of the tubes' section in files: over 1 it lies flat in the fabric's plane;
     /// its area is kept
-    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening)]
+    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening, allow_negative_numbers = true)]
     pub(crate) flatten: f64,
     /// Close the tubes' ends
     #[arg(long)]
@@ -55,7 +55,7 @@ pub(crate) struct Shared {
     #[arg(long, value_enum, value_name = "on|off")]
     pub(crate) fibres: Option<SwitchArg>,
     /// Radius of a fibre, mm; the thicker they are, the fewer a yarn has
-    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = FIBRE_RADIUS)]
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = FIBRE_RADIUS, allow_negative_numbers = true)]
     pub(crate) fibre_radius: f64,
     /// Write the yarns' centre lines, as l records, to .obj in place of tubes
     #[arg(long)]
@@ -101,7 +101,7 @@ pub(crate) struct Shared {
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "eye", allow_hyphen_values = true)]
     pub(crate) look_at: Option<DVec3>,
     /// Vertical field of view
-    #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = field_of_view)]
+    #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = field_of_view, allow_negative_numbers = true)]
     pub(crate) fov: f64,
     /// Magnify the middle of the picture
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]

@@ -16,7 +16,7 @@ use super::strands::{CUT, Edge, Strand, Strands};
 use crate::garment::Garment;
 use crate::ids::{YarnId, index32};
 use crate::knit::mesh::StructureMesh;
-use crate::knit::{Knitted, YarnCopy};
+use crate::knit::{Knitted, Tag, YarnCopy};
 use crate::locate::{Locator, SurfacePoint};
 use crate::map::Draped;
 use crate::map::relaxed::StrainCounts;
@@ -117,6 +117,17 @@ impl Block {
             let place = (point.truncate() - mesh.origin) / stitch;
             *point += (evenness::shift(self.panel, place) * stitch).extend(0.0);
         }
+    }
+
+    /// The tag of a point of a strand. An end that was cut has that of the data point beside it, or none
+    /// where the strand's other end was cut in the same span.
+    #[must_use]
+    pub fn tag_near(&self, strand: &Strand, at: u32) -> Option<&Tag> {
+        // Only a strand's first and last point can be cut.
+        let beside = if at == strand.points.start { at + 1 } else { at - 1 };
+        let sources = [at, beside].map(|at| self.strands.sources[at as usize]);
+        let source = sources.into_iter().find(|&source| source != CUT)?;
+        Some(&self.knitted.tags[source as usize])
     }
 
     /// The number of a strand's first point, counted along its yarn from a place that is the same

@@ -18,7 +18,7 @@ use crate::plane::double;
 /// Blurs of sketches that are tried, pixels of theirs. Photos are blurred by themselves, and again
 /// before they are sampled. Drafts are tried with the first.
 const BLURS: [f64; 4] = [1.2, 0.9, 1.6, 2.0];
-/// Yarn diameters that are tried, of the candidate's own: the first for all, the others for the best.
+/// Yarn diameters that are tried, of the candidate's own. The first, for all, leaves them as they are.
 const THICKNESSES: [f64; 6] = [1.0, 0.82, 0.87, 0.93, 1.07, 1.14];
 /// Frames in which a draft that fits is tried again once it is relaxed.
 const FRAMES: usize = 4;
@@ -90,37 +90,34 @@ pub(super) fn fit_in(
     fits
 }
 
-/// Relaxes the fabrics of some fits at the photos' proportions, with yarns of several thicknesses.
+/// Relaxes the fabrics of some fits at the photos' proportions: the best `thick` with yarns of several
+/// thicknesses, all others with the thickness that suits the best.
 pub(super) fn refine(views: &mut [FaceView], fits: &[Fit], thick: usize) -> Vec<Fit> {
     for view in views.iter_mut() {
         fits.iter().for_each(|fit| view.fold(fit.candidate.repeat()));
     }
     let views = &*views;
-    let refined = |fit: &Fit, thicknesses: &[f64]| -> Option<Fit> {
-        let course = fit.proportion(views);
-        thicknesses
-            .iter()
-            .filter_map(|thickness| {
-                let fabric = proportioned(&fit.candidate.fabric, course, *thickness);
-                let candidate = Candidate::relaxed(fabric);
-                both_hands(views, &candidate, Some(fit))
-                    .into_iter()
-                    .find(|own| own.is_mirrored == fit.is_mirrored)
-            })
-            .max_by(|a, b| a.explained.total_cmp(&b.explained))
+    let refined = |fit: &Fit, thickness: f64| -> Option<Fit> {
+        let fabric = proportioned(&fit.candidate.fabric, fit.proportion(views), thickness);
+        both_hands(views, &Candidate::relaxed(fabric), Some(fit)).into_iter().next()
     };
-    let mut first: Vec<Fit> =
-        fits.par_iter().filter_map(|fit| refined(fit, &THICKNESSES[..1])).collect();
+    let [as_it_is, others @ ..] = THICKNESSES;
+    let mut first: Vec<Fit> = fits.par_iter().filter_map(|fit| refined(fit, as_it_is)).collect();
     sort(&mut first);
     let rest = first.split_off(thick.min(first.len()));
-    let mut all: Vec<Fit> = first
-        .par_iter()
-        .filter_map(|fit| {
-            let others = refined(fit, &THICKNESSES[1..])?;
-            Some(if others.explained > fit.explained { others } else { fit.clone() })
-        })
-        .collect();
-    all.extend(rest);
+    // The best of some thicknesses, the fit's own among them.
+    let best = |fit: Fit, thicknesses: &[f64]| -> (Fit, f64) {
+        let others = thicknesses.iter().filter_map(|&other| Some((refined(&fit, other)?, other)));
+        let own = (fit.clone(), as_it_is);
+        others.fold(own, |a, b| if b.0.explained > a.0.explained { b } else { a })
+    };
+    let first: Vec<(Fit, f64)> = first.into_par_iter().map(|fit| best(fit, &others)).collect();
+    let likeliest = first.iter().max_by(|a, b| a.0.explained.total_cmp(&b.0.explained));
+    // A photo's yarns are as thick whatever their lapping.
+    let thickness = likeliest.map_or(as_it_is, |(_, thickness)| *thickness);
+    let rest = rest.into_par_iter().map(|fit| best(fit, &[thickness]).0);
+    let mut all: Vec<Fit> = first.into_iter().map(|(fit, _)| fit).collect();
+    all.par_extend(rest);
     sort(&mut all);
     all
 }

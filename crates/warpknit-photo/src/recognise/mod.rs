@@ -29,6 +29,7 @@ mod candidate;
 mod compare;
 mod fit;
 mod frames;
+mod open_sky;
 mod picture;
 mod same;
 mod search;

@@ -2,15 +2,16 @@
 //!
 //! In: a relaxed [`Pattern`] and the face that is seen. Out: a [`Sketch`], channels of light that
 //! tile. Any light is about a sum of them: one that falls from the camera and two that fall from
-//! aside, each dimmer in the depth of the cloth, and the share of the sky that reaches a place. So
-//! a photo's light is fitted, not known.
+//! aside, each by the share of the sky that a place sees (`open_sky`), and one that is dimmer in the
+//! depth of the cloth. So a photo's light is fitted, not known.
 //!
 //! Method: orthographic projection of round yarns into a height buffer of twice the resolution.
-//! Cost: about 0.2 ms a course of a wale. Not promised: shadows and fibres.
+//! Cost: about 0.3 ms a course of a wale. Not promised: shadows and fibres.
 
 use glam::{DVec2, DVec3};
 
 use super::Face;
+use super::open_sky::open_sky;
 use crate::plane::{Plane, double, narrow, percentile, whole};
 use warpknit_core::fabric::Fabric;
 use warpknit_core::ids::index32;
@@ -43,7 +44,7 @@ pub(super) const NONE: u8 = u8::MAX;
 pub(super) struct Sketch {
     /// Wales and courses.
     pub(super) repeat: [usize; 2],
-    /// Light from the camera, from the right, from below, and from the sky.
+    /// Light from the camera, from the right, from below, and that of the depth.
     pub(super) channels: [Plane; CHANNELS],
     /// The yarn system that is seen at each pixel, or [`NONE`].
     pub(super) systems: Vec<u8>,
@@ -54,16 +55,16 @@ pub(super) struct Sketch {
 pub(super) struct Top {
     pub(super) height: f32,
     /// The normal's part in the picture's plane, y down.
-    lean: [f32; 2],
+    pub(super) lean: [f32; 2],
     pub(super) system: u8,
 }
 
 /// Heights of a repeat, which wraps around at its sides.
 pub(super) struct HeightBuffer {
-    width: usize,
-    height: usize,
+    /// Pixels across and down.
+    pub(super) size: [usize; 2],
     /// Pixels a mm.
-    scale: DVec2,
+    pub(super) scale: DVec2,
     pub(super) tops: Vec<Top>,
 }
 
@@ -72,16 +73,22 @@ impl Top {
     pub(super) const NOTHING: Self =
         Self { height: f32::NEG_INFINITY, lean: [0.0; 2], system: NONE };
 
-    /// Its light in each channel, 1 for a height of `highest`. `wale` is the wale spacing.
-    pub(super) fn light(&self, highest: f32, wale: f64) -> [f32; CHANNELS] {
-        if self.system == NONE {
-            return [0.0; CHANNELS];
-        }
-        let dimming = narrow((DIMMING * wale).recip());
-        let sky = (-(highest - self.height).max(0.0) * dimming).exp();
+    /// The normal's part toward the camera.
+    pub(super) fn up(&self) -> f32 {
         let [x, y] = self.lean;
-        let up = (1.0 - x * x - y * y).max(0.0).sqrt();
-        [sky * (FLANK + (1.0 - FLANK) * up), sky * x, sky * y, sky]
+        (1.0 - x * x - y * y).max(0.0).sqrt()
+    }
+
+    /// The light that the depth leaves it, 1 for a height of `highest`. `wale` is the wale spacing.
+    pub(super) fn depth_light(&self, highest: f32, wale: f64) -> f32 {
+        let dimming = narrow((DIMMING * wale).recip());
+        (-(highest - self.height).max(0.0) * dimming).exp()
+    }
+
+    /// Its light in each channel: where it sees a share of the sky, and the depth leaves it some light.
+    pub(super) fn light(&self, sky: f32, depth: f32) -> [f32; CHANNELS] {
+        let [x, y] = self.lean;
+        [sky * (FLANK + (1.0 - FLANK) * self.up()), sky * x, sky * y, depth]
     }
 }
 
@@ -131,7 +138,7 @@ impl HeightBuffer {
         let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
         let cells = DVec2::new(double(WALE * FINE), double(COURSE * FINE));
         let tops = vec![Top::NOTHING; width * height];
-        Self { width, height, scale: cells / spacing, tops }
+        Self { size: [width, height], scale: cells / spacing, tops }
     }
 
     /// Draws all yarns of a system.
@@ -179,11 +186,12 @@ impl HeightBuffer {
 
     /// Puts a place of a yarn into the buffer, if nothing is above it.
     fn raise(&mut self, place: DVec2, top: Top) {
-        let [x, y] = [(place.x, self.width), (place.y, self.height)].map(|(at, side)| {
+        let [width, height] = self.size;
+        let [x, y] = [(place.x, width), (place.y, height)].map(|(at, side)| {
             let at = at / double(side);
             whole(narrow((at - at.floor()) * double(side))).min(side - 1)
         });
-        let seen = &mut self.tops[y * self.width + x];
+        let seen = &mut self.tops[y * width + x];
         if top.height > seen.height {
             *seen = top;
         }
@@ -194,11 +202,18 @@ impl HeightBuffer {
         let mut heights: Vec<f32> =
             self.tops.iter().filter(|top| top.system != NONE).map(|top| top.height).collect();
         let highest = percentile(&mut heights, TOP);
-        let (width, height) = (self.width / FINE, self.height / FINE);
+        let sky = open_sky(self, wale);
+        let light = |at: usize| {
+            let top = &self.tops[at];
+            if top.system == NONE {
+                return [0.0; CHANNELS];
+            }
+            top.light(sky[at], top.depth_light(highest, wale))
+        };
+        let [width, height] = self.size.map(|side| side / FINE);
         let fine = |x: usize, y: usize| {
-            (0..FINE * FINE).map(move |at| {
-                &self.tops[(FINE * y + at / FINE) * self.width + FINE * x + at % FINE]
-            })
+            (0..FINE * FINE)
+                .map(move |at| (FINE * y + at / FINE) * self.size[0] + FINE * x + at % FINE)
         };
         let share = 1.0 / f32::from(u8::try_from(FINE * FINE).expect("a few"));
         let channels = std::array::from_fn(|channel| Plane {
@@ -206,15 +221,12 @@ impl HeightBuffer {
             height,
             values: (0..width * height)
                 .map(|at| {
-                    fine(at % width, at / width)
-                        .map(|top| top.light(highest, wale)[channel])
-                        .sum::<f32>()
-                        * share
+                    fine(at % width, at / width).map(|at| light(at)[channel]).sum::<f32>() * share
                 })
                 .collect(),
         });
         let systems = (0..width * height)
-            .map(|at| fine(at % width, at / width).next().map_or(NONE, |top| top.system))
+            .map(|at| fine(at % width, at / width).next().map_or(NONE, |at| self.tops[at].system))
             .collect();
         Sketch { repeat, channels, systems }
     }

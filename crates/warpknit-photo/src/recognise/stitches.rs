@@ -177,8 +177,10 @@ fn drawn(like: &Fabric, kind: usize, face: Face) -> Vec<Vec<Spot>> {
                 let row = at / COLUMNS;
                 let tall = if row >= TALL * ROWS / 2 { TALL * ROWS } else { 0 };
                 let [row, tall] = [row, tall].map(|row| i32::try_from(row).expect("a few rows"));
-                // The highest yarns' light only scales all channels.
-                let light = top.light(narrow(0.5 * wale), wale);
+                // The highest yarns' light only scales all channels. What the yarns around it hide of
+                // the sky is not known yet.
+                let depth = top.depth_light(narrow(0.5 * wale), wale);
+                let light = top.light(depth, depth);
                 Spot { row: row - tall, column: at % COLUMNS, height: top.height, light }
             })
             .collect()
