@@ -113,7 +113,9 @@ pub struct GarmentReport {
     pub unit: &'static str,
     /// Length of one flat unit, mm.
     pub uv_scale_mm: f64,
+    /// What may be wrong.
     pub warnings: Vec<String>,
+    /// What a person may want to know.
     pub notes: Vec<String>,
     /// Draped area that takes no stitches.
     pub lost_cm2: f64,

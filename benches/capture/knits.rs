@@ -1,5 +1,6 @@
 //! How many knits are recognised in drawn photos: the catalogue, two-bar cloths, random lappings and
-//! weft knits, each as a fair and as a hard photo.
+//! weft knits, each as a fair and as a hard photo, and how many of the answers that need no warning are
+//! right.
 //!
 //! In: seeds that nothing was tuned on. Out: a table of docs/capture.md, and on stderr what was taken
 //! for what. `cargo bench --bench capture -- knits 'two bars' fair` has some rows alone.
@@ -25,7 +26,8 @@ const LEVELS: [(&str, Taking); 2] = [("fair", FAIR), ("hard", HARD)];
 
 /// The table of knits.
 pub(crate) fn knits() {
-    println!("\n| knits | photos | right | among three | seconds |\n|---|---|---|---|---|");
+    println!("\n| knits | photos | right | among three | sure | right of these | seconds |");
+    println!("|---|---|---|---|---|---|---|");
     let built_in = |is_warp: bool| {
         let all = builtin::names().map(|name| Fabric::named(name).unwrap());
         all.filter(move |fabric| fabric.name != "cable" && fabric.warp_knit().is_some() == is_warp)
@@ -57,7 +59,8 @@ pub(crate) fn knits() {
 
 /// A row of the table: how many fabrics are recognised in photos of some faces.
 fn row(heading: &str, fabrics: &[Fabric], taking: Taking, faces: &[Face]) {
-    let (mut first, mut third, begun) = (0, 0, Instant::now());
+    let (mut first, mut third, mut sure, mut sure_first) = (0, 0, 0, 0);
+    let begun = Instant::now();
     for (seed, fabric) in (FIRST_SEED..).zip(fabrics) {
         let own = varied(fabric, seed);
         let photos: Vec<_> = faces
@@ -72,9 +75,12 @@ fn row(heading: &str, fabrics: &[Fabric], taking: Taking, faces: &[Face]) {
         }
         first += usize::from(place == Some(0));
         third += usize::from(place.is_some());
+        let is_sure = found.as_ref().is_ok_and(Recognition::is_sure);
+        sure += usize::from(is_sure);
+        sure_first += usize::from(is_sure && place == Some(0));
     }
     println!(
-        "| {heading} | {first} of {} | {third} | {:.1} |",
+        "| {heading} | {first} of {} | {third} | {sure} | {sure_first} | {:.1} |",
         fabrics.len(),
         begun.elapsed().as_secs_f64() / fabrics.len() as f64
     );

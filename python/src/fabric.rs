@@ -115,8 +115,7 @@ impl Fabric {
             ));
         }
         let refuse = |error| error::of_fabric(&error, None);
-        let counts =
-            yarn.0.iter().map(|text| text.parse::<Count>()).collect::<Result<Vec<_>, _>>();
+        let counts = yarn.0.iter().map(|text| text.parse::<Count>()).collect::<Result<Vec<_>, _>>();
         let counts = counts.map_err(|error| FabricError::new_err(error.to_string()))?;
         let threadings = threading.map_or_else(Vec::new, |threading| threading.0);
         if threadings.len() > chains.len() {

@@ -79,8 +79,8 @@ impl Laid {
     fn add_strand(&mut self, block: &Block, strand: &Strand) {
         for at in strand.points.clone() {
             let tag = block.tag_near(strand, at);
-            self.course.push(tag.map_or(0, |tag| tag.course));
-            self.wale.push(tag.map_or(0, |tag| tag.wale));
+            self.course.push(tag.course);
+            self.wale.push(tag.wale);
         }
         self.offsets.push(index64(self.course.len()));
         self.yarn.push(index(strand.yarn.0 as usize));

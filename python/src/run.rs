@@ -4,7 +4,8 @@
 //! of strained repeats are those of the command.
 //!
 //! The work has a thread of its own, and Python's looks for Ctrl-C meanwhile. Not promised: that the work
-//! ends at once. What is being laid then goes on to the next block of yarns, and nobody sees it.
+//! ends at once. It goes on to its next stage or block of yarns and takes cores and memory until then. Its
+//! result is dropped, but strained repeats that it has solved are kept.
 
 use std::panic::resume_unwind;
 use std::path::PathBuf;
@@ -18,6 +19,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use warpknit::drape::{Cloth, DrapeOptions, swatch_panel};
 use warpknit::garment::Panel;
+use warpknit::knit::run_in;
 use warpknit::map::Mapping;
 use warpknit::pipeline::{
     self, Densities, Enlarge, Placement, RunError, Settings, Source, StrainCache, cache_folder,
@@ -66,9 +68,10 @@ fn awaited<T: Send + 'static>(
 ) -> PyResult<T> {
     let is_unwanted = Arc::new(AtomicBool::new(false));
     let (sender, mut receiver) = channel();
-    let told = Arc::clone(&is_unwanted);
+    let flag = Arc::clone(&is_unwanted);
     // Nobody may be left to take the result.
-    let worker = thread::spawn(move || drop(sender.send(work(&told))));
+    let run = move || drop(sender.send(work(&flag)));
+    let worker = thread::Builder::new().name("warpknit".to_owned()).spawn(run)?;
     loop {
         let (kept, result) = py.detach(move || {
             let result = receiver.recv_timeout(LOOK);
@@ -84,7 +87,7 @@ fn awaited<T: Send + 'static>(
                     return Err(interrupt);
                 }
             }
-            // It stops only when told to, so it panicked.
+            // `Stopped` can't come here: who sets the flag returns. So the work panicked.
             Ok(Err(Fault::Stopped)) | Err(RecvTimeoutError::Disconnected) => {
                 let panic = worker.join().expect_err("work without a result panicked");
                 resume_unwind(panic)
@@ -106,7 +109,7 @@ fn awaited<T: Send + 'static>(
 /// sweeps: whether yarns that cut each other on the body are moved apart, with "relaxed". By default
 ///     up to a million stitches.
 ///
-/// Raises GarmentError or FabricError; MemoryError where the arrays don't fit.
+/// Raises GarmentError or FabricError; MemoryError where the arrays don't fit. Warns as the command does.
 #[pyfunction]
 #[pyo3(signature = (garment, fabric, wales_per_cm=None, mapping="relaxed", *, courses_per_cm=None,
                     enlarge=None, edge="clip", sweeps=None))]
@@ -189,19 +192,23 @@ fn laid(
     let cloth = Cloth::cover(&garment, &shown)
         .map_err(|source| RunError::Layout { fabric: fabric.name.clone(), source })?;
     let options = DrapeOptions::from(settings.placement);
+    run_in::check(&shown, cloth.pattern()).map_err(RunError::from)?;
     check_size(&cloth, &options)?;
+    check_wanted(is_unwanted)?;
     let wants_strain = options.mapping == Mapping::Relaxed;
     let cache = StrainCache::open(settings.cache.as_deref().filter(|_| wants_strain), &cloth);
-    let (laid, totals) = lay(&cloth, &options, is_unwanted)?;
+    check_wanted(is_unwanted)?;
+    let laid = lay(&cloth, &options, is_unwanted);
     cache.keep(&cloth);
+    let (laid, totals) = laid?;
     pipeline::check_laid(&totals)?;
-    let notes = [
+    let of_drape = [
         pipeline::loss_warning(&totals),
         pipeline::lengths_note(&cloth, &options),
         pipeline::locked_warning(&laid.strain, &garment),
     ];
     let mut warnings = pipeline::cloth_warnings(&cloth, &shown, radius);
-    warnings.extend(notes.into_iter().flatten());
+    warnings.extend(of_drape.into_iter().flatten());
     drop(cloth);
     // Files are made from the garment as it was read: a run turns the panels itself.
     Ok((whole, shown, laid, warnings))
@@ -211,7 +218,7 @@ fn laid(
 ///
 /// Its `report` has the numbers of the cloth: run-in, g/m², thickness and others.
 ///
-/// Raises FabricError.
+/// Raises FabricError. Warns as the command does.
 #[pyfunction]
 #[pyo3(signature = (fabric, wales=14, courses=16))]
 pub(crate) fn swatch(
@@ -223,14 +230,15 @@ pub(crate) fn swatch(
     let sides = 1..=MOST_SWATCH;
     let (wales, courses) = (whole("wales", wales, &sides)?, whole("courses", courses, &sides)?);
     let fabric = given(fabric)?;
-    let knitted = fabric.clone();
+    let own = fabric.clone();
     let (laid, warnings) = awaited(py, move |is_unwanted| {
-        let panel = swatch_panel(&knitted, wales, courses);
-        let cloth = Cloth::swatch(&panel, &knitted, wales, courses);
+        let panel = swatch_panel(&own, wales, courses);
+        let cloth = Cloth::swatch(&panel, &own, wales, courses);
+        run_in::check(&own, cloth.pattern()).map_err(RunError::from)?;
         // A swatch is its own drape, so no strain has to be looked up.
         let options = DrapeOptions { mapping: Mapping::Smooth, ..DrapeOptions::default() };
         check_size(&cloth, &options)?;
-        let warnings = pipeline::cloth_warnings(&cloth, &knitted, knitted.radius());
+        let warnings = pipeline::cloth_warnings(&cloth, &own, own.radius());
         Ok((lay(&cloth, &options, is_unwanted)?.0, warnings))
     })?;
     for warning in warnings {
@@ -239,6 +247,11 @@ pub(crate) fn swatch(
     let source = source(&fabric, Vec::new());
     let fabrics = (fabric.clone(), fabric);
     Yarns::new(py, Origin::Swatch([wales, courses]), fabrics, Settings::default(), source, laid)
+}
+
+/// Ends work that nobody waits for, before its next stage.
+fn check_wanted(is_unwanted: &AtomicBool) -> Result<(), Stopped> {
+    if is_unwanted.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
 }
 
 /// The origin of a run's cloth, for messages.

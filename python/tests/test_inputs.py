@@ -107,7 +107,7 @@ def test_a_name_is_a_built_in_fabric() -> None:
         warpknit.swatch(5)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r"^garment is of type str, but must be a Garment: Garment\.load reads files$"):
         warpknit.drape("shirt.obj", "jersey")  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="^must be a text, or a list of texts with one for each bar$"):
+    with pytest.raises(TypeError, match="^must be a text, or a list of texts with one for each bar"):
         warpknit.Fabric.from_chains([3])  # type: ignore[list-item]
 
 

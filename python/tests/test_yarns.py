@@ -183,23 +183,27 @@ def test_reports_tell_notes_from_warnings(tube: warpknit.Garment) -> None:
 
 
 INTERRUPTED = """
-import os, signal, threading, warpknit
+import os, signal, threading, time, warpknit
 garment = warpknit.Garment.load(MESH)
-threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+sent = []
+def interrupt():
+    sent.append(time.monotonic())
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Timer(1.0, interrupt).start()
 try:
     warpknit.drape(garment, warpknit.Fabric.from_chains(["1-0/60-61//"]))
 except KeyboardInterrupt:
-    print("interrupted")
-    os._exit(0)
+    print(time.monotonic() - sent[0])
 """
 
 
 def test_ctrl_c_is_heard_while_repeats_are_solved(meshes: Path, tmp_path: Path) -> None:
-    # Undisturbed, this drape takes minutes, all of them before the first block of yarns.
+    # Undisturbed, this drape takes minutes, all of them before the first block of yarns. The program ends
+    # as any other, while the work goes on.
     code = INTERRUPTED.replace("MESH", repr(str(meshes / "tshirt.obj")))
     uncached = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], timeout=60, check=True, capture_output=True, text=True, env=uncached)
-    assert done.stdout == "interrupted\n"
+    assert 0.0 <= float(done.stdout) < 10.0
 
 
 def test_files_are_those_of_the_command(meshes: Path, locknit: warpknit.Fabric, tmp_path: Path) -> None:

@@ -18,9 +18,9 @@ use super::job::Job;
 use super::limits::{
     check_laid, check_memory, check_pages, check_stitches, locked_warning, loss_warning,
 };
+use super::messages::Messages;
 use super::notes;
 use super::pictures::Pictures;
-use super::said::Said;
 use super::set;
 use super::settings::Wanted;
 use super::setup::Setup;
@@ -58,7 +58,7 @@ struct Prepared<'a> {
 struct Gathered {
     /// Complete files, still under their temporary names.
     files: Vec<Output>,
-    said: Said,
+    messages: Messages,
     /// Name of the renderer. Empty without a picture.
     drawn_by: String,
     picture: Option<PictureReport>,
@@ -71,10 +71,10 @@ pub(super) fn make(jobs: &[Job<'_>], mut clock: Clock<'_>) -> Result<Done, RunEr
     let mut all = Gathered::default();
     for one in &prepared {
         let warnings = one.setup.first_warnings(one.job);
-        all.said.warn(warnings, &clock);
+        all.messages.warn(warnings, &clock);
     }
     for one in &prepared {
-        all.said.note(one.notes(jobs), &clock);
+        all.messages.note(one.notes(jobs), &clock);
     }
     let mut summary = None;
     let last = prepared.len();
@@ -85,12 +85,12 @@ pub(super) fn make(jobs: &[Job<'_>], mut clock: Clock<'_>) -> Result<Done, RunEr
     let (job, setup, outputs, totals, draped) = summary.expect("a run has a job");
     clock.stop();
     // The report comes last, because it has the times of everything else.
-    let Gathered { mut files, said, drawn_by, picture, parts } = all;
+    let Gathered { mut files, messages, drawn_by, picture, parts } = all;
     let summary = RunSummary {
         setup: &setup,
         totals: &totals,
         draped,
-        said,
+        messages,
         drawn_by,
         picture,
         frames: Vec::new(),
@@ -104,7 +104,7 @@ pub(super) fn make(jobs: &[Job<'_>], mut clock: Clock<'_>) -> Result<Done, RunEr
 impl Gathered {
     /// Adds the drawn pictures of a job.
     fn add(&mut self, drawing: Pictures, job: &Job<'_>, drawn: &Drawn<'_>, clock: &Clock<'_>) {
-        self.said.note(drawing.notice, clock);
+        self.messages.note(drawing.notice, clock);
         self.files.extend(drawing.files);
         self.drawn_by = drawing.drawn_by;
         let loupe = drawn.loupe();
@@ -205,8 +205,8 @@ impl<'a> Prepared<'a> {
         if job.part.is_none() && !is_in_view {
             check_laid(&totals)?;
         }
-        all.said.warn(loss_warning(&totals), clock);
-        all.said.warn(locked_warning(&strain, job.cloth.garment()), clock);
+        all.messages.warn(loss_warning(&totals), clock);
+        all.messages.warn(locked_warning(&strain, job.cloth.garment()), clock);
         clock.begin(Task::Write, 1.0);
         all.files.extend(finished(sinks)?);
         if let Some((drawn, scene)) = &mut pictures {

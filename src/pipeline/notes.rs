@@ -165,12 +165,16 @@ fn listed(files: &[File], size: impl Fn(&File) -> f64) -> Option<String> {
     }
 }
 
-/// The names of a job's files with a verb that goes with one or with several, and whether it is one.
+/// The names of a job's files with a verb that goes with one or with several, and whether it is one. A
+/// report is not named: Python asks for one in a folder of its own.
 fn subject(job: &Job<'_>, [one, several]: [&str; 2]) -> (bool, String) {
     let name = |(path, _): &Wanted| path.display().to_string();
     match &job.outputs[..] {
         [(_, Format::Json)] => (true, format!("the report {one}")),
         [only] => (true, format!("{} {one}", name(only))),
+        [file, (_, Format::Json)] | [(_, Format::Json), file] => {
+            (false, format!("{} and the report {several}", name(file)))
+        }
         [first, second] => (false, format!("{} and {} {several}", name(first), name(second))),
         _ => (false, format!("the files {several}")),
     }

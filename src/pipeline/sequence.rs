@@ -28,9 +28,9 @@ use super::clock::{Clock, Task};
 use super::estimates::float;
 use super::job::Job;
 use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
+use super::messages::Messages;
 use super::notes;
 use super::pictures::Pictures;
-use super::said::Said;
 use super::set;
 use super::settings::Wanted;
 use super::setup::Setup;
@@ -89,7 +89,7 @@ struct Show<'a, 'b, 'c> {
     panels: Vec<StrainCounts>,
     strain: StrainCounts,
     drawn_by: String,
-    said: Said,
+    messages: Messages,
     clock: &'b mut Clock<'c>,
 }
 
@@ -127,9 +127,9 @@ pub(super) fn make(
     });
     check_laid(located.totals())?;
     warnings.extend(loss_warning(located.totals()));
-    let mut said = Said::default();
-    said.warn(warnings, &clock);
-    said.note(sizes.into_iter().chain(job.notes.iter().cloned()), &clock);
+    let mut messages = Messages::default();
+    messages.warn(warnings, &clock);
+    messages.note(sizes.into_iter().chain(job.notes.iter().cloned()), &clock);
 
     clock.begin(Task::Strain, 0.0);
     let cache = job.cache();
@@ -146,7 +146,7 @@ pub(super) fn make(
         panels: vec![StrainCounts::default(); job.cloth.garment().panels.len()],
         strain: StrainCounts::default(),
         drawn_by,
-        said,
+        messages,
         clock: &mut clock,
     };
     let frames = show.all(sequence)?;
@@ -154,7 +154,7 @@ pub(super) fn make(
         show.warn(locked);
     }
     cache.keep(job.cloth);
-    let Show { located, usd, strain, drawn_by, said, .. } = show;
+    let Show { located, usd, strain, drawn_by, messages, .. } = show;
     clock.begin(Task::Write, 1.0);
     let usd = usd.into_iter().map(Moving::finish);
     let mut finished = usd.collect::<Result<Vec<_>, _>>()?;
@@ -165,7 +165,7 @@ pub(super) fn make(
         setup: &setup,
         totals: &totals,
         draped: None,
-        said,
+        messages,
         drawn_by,
         picture: None,
         frames,
@@ -338,7 +338,7 @@ impl Show<'_, '_, '_> {
 
     /// Tells the listener a warning and keeps it for the report.
     fn warn(&mut self, what: String) {
-        self.said.warn([what], self.clock);
+        self.messages.warn([what], self.clock);
     }
 
     /// Makes a frame's files.
@@ -382,7 +382,7 @@ impl Show<'_, '_, '_> {
             pictures.draw(self.job, scene, fibres, (extent, None), &paths, self.clock)?;
             whole.extend(pictures.files);
             self.drawn_by = pictures.drawn_by;
-            self.said.note(pictures.notice, self.clock);
+            self.messages.note(pictures.notice, self.clock);
         }
         self.clock.stop();
         // The files of this frame are complete: they appear now, whatever happens to later frames.

@@ -12,7 +12,7 @@ use super::job::Job;
 use super::numbers::RealCloth;
 use super::settings::{Settings, Wanted};
 use super::textures::{self, Textures};
-use super::warnings::measured_warnings;
+use super::warnings::{loop_warnings, measured_warnings};
 use crate::drape::DrapeOptions;
 use crate::drape::evenness::Evenness;
 use crate::export::{Facts, Format, TextureSet, default_section};
@@ -67,8 +67,7 @@ impl Setup {
         match &job.stretched {
             // What densities and yarns would fit says nothing of cloth that is pulled.
             Some(stretched) => {
-                warnings.extend(run_in::missed(job.shown, pattern));
-                warnings.extend(self.links.warning());
+                warnings.extend(loop_warnings(job.shown, pattern, &self.links));
                 warnings.extend(stretched.warning(&self.near));
             }
             None => {

@@ -4,8 +4,8 @@
 
 use super::clock::Clock;
 use super::job::Job;
+use super::messages::Messages;
 use super::numbers::RealCloth;
-use super::said::Said;
 use super::settings::Wanted;
 use super::setup::Setup;
 use super::stretch::{FreeWidth, Stretched};
@@ -51,7 +51,7 @@ pub(super) struct RunSummary<'a> {
     pub(super) totals: &'a Totals,
     /// Clearance on the body, if it was measured.
     pub(super) draped: Option<BodyClearance>,
-    pub(super) said: Said,
+    pub(super) messages: Messages,
     /// Name of the renderer. Empty without a picture.
     pub(super) drawn_by: String,
     /// The cloth of a garment's picture.
@@ -100,8 +100,8 @@ impl RunSummary<'_> {
                 triangles: garment.summary.triangles,
                 unit: garment.summary.unit,
                 uv_scale_mm: garment.summary.uv_scale_mm,
-                warnings: self.said.warnings.clone(),
-                notes: self.said.notes.clone(),
+                warnings: self.messages.warnings.clone(),
+                notes: self.messages.notes.clone(),
                 lost_cm2: garment.summary.lost_mm2 / 100.0,
                 lost_percent: garment.summary.lost_percent(),
             },

@@ -10,8 +10,8 @@ use crate::knit::clearance::{self, Clearance};
 use crate::knit::links::{self, Links};
 use crate::knit::{Pattern, run_in};
 
-/// The warnings about a cloth's repeat, its thickest yarn drawn with a radius in mm. Runs say them, and so
-/// does whoever lays yarns without one.
+/// The warnings about a cloth's repeat, its thickest yarn drawn with a radius in mm. A run gives them to its
+/// listener; callers that lay yarns themselves ask for them here.
 #[must_use]
 pub fn cloth_warnings(cloth: &Cloth<'_>, fabric: &Fabric, radius: f64) -> Vec<String> {
     let pattern = cloth.pattern();
@@ -28,8 +28,14 @@ pub(super) fn measured_warnings(
     near: &Clearance,
     links: &Links,
 ) -> Vec<String> {
+    let mut warnings = loop_warnings(fabric, pattern, links);
+    warnings.extend(clearance::warnings(fabric, pattern, near, radius));
+    warnings
+}
+
+/// The warnings about its loops alone: run-ins and links.
+pub(super) fn loop_warnings(fabric: &Fabric, pattern: &Pattern, links: &Links) -> Vec<String> {
     let mut warnings = run_in::missed(fabric, pattern);
     warnings.extend(links.warning());
-    warnings.extend(clearance::warnings(fabric, pattern, near, radius));
     warnings
 }

@@ -228,17 +228,21 @@ fn npz_holds_the_data_points_of_the_csv_and_the_cut_ends() {
     }
     let (lengths, bars) = (words(&bytes, "length"), words(&bytes, "bar"));
     assert_eq!(lengths.iter().sum::<u32>() as usize, kinds.len());
-    let mut first = 0;
+    let (mut first, mut cut) = (0, [0, 0]);
     for length in lengths.iter().map(|length| *length as usize) {
         let last = first + length - 1;
-        for (end, beside) in [(first, first + 1), (last, last - 1)] {
-            if kinds[end] == u8::MAX && kinds[beside] != u8::MAX {
+        for (side, (end, beside)) in [(first, first + 1), (last, last - 1)].into_iter().enumerate()
+        {
+            if kinds[end] == u8::MAX {
+                assert_ne!(kinds[beside], u8::MAX, "{end}");
                 assert_eq!((course[end], wale[end]), (course[beside], wale[beside]), "{end}");
                 assert_eq!(points[end], 0, "{end}");
+                cut[side] += 1;
             }
         }
         first += length;
     }
+    assert!(cut.iter().all(|count| *count > 10), "{cut:?}");
     assert!(
         bars.len() == lengths.len()
             && bars.is_sorted()

@@ -255,10 +255,10 @@ impl Array {
         });
         for (source, strand, at) in points {
             let near = block.tag_near(strand, at);
-            let own = near.filter(|_| source != CUT);
+            let own = (source != CUT).then_some(near);
             match self {
-                Self::Course => add(&near.map_or(0, |tag| tag.course).to_le_bytes(), bytes),
-                Self::Wale => add(&near.map_or(0, |tag| tag.wale).to_le_bytes(), bytes),
+                Self::Course => add(&near.course.to_le_bytes(), bytes),
+                Self::Wale => add(&near.wale.to_le_bytes(), bytes),
                 Self::Kind => add(&[own.map_or(CUT_KIND, |tag| kind_number(tag.kind))], bytes),
                 _ => add(&own.map_or(0, |tag| tag.point).to_le_bytes(), bytes),
             }

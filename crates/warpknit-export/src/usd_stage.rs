@@ -55,8 +55,6 @@ impl Array {
 
 /// The bounding box of no points.
 pub(super) const EMPTY: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-/// The course and the wale of a point that has none.
-const UNKNOWN: i32 = -1;
 /// Of fibres, as far as their length goes: they hardly change their volume.
 const POISSON: f64 = 0.3;
 /// Metres in a mm.
@@ -125,7 +123,8 @@ pub(super) fn blocks_by_prim(blocks: &[Block]) -> impl Iterator<Item = &[Block]>
 
 /// Course and wale of a point. A cut end has those of the data point beside it.
 pub(super) fn course_and_wale(block: &Block, strand: &Strand, at: u32) -> [i32; 2] {
-    block.tag_near(strand, at).map_or([UNKNOWN; 2], |tag| [tag.course, tag.wale])
+    let tag = block.tag_near(strand, at);
+    [tag.course, tag.wale]
 }
 
 /// Calls `take` with each point of a strand's curve, in the stage's units.

@@ -38,7 +38,7 @@ pub(crate) struct Bench {
     pub(crate) renderer: RendererArg,
     /// Size of the timed pictures; with a small one three pictures of every row take minutes and not
     /// an hour
-    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size)]
+    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size, allow_hyphen_values = true)]
     pub(crate) size: (u32, u32),
     /// Edges of the tubes' section in weft
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(3..=64), allow_negative_numbers = true)]

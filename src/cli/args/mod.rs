@@ -273,7 +273,7 @@ pub(crate) struct Swatch {
     /// Pull the cloth to X times its length along the courses (across the wales) and Y times along
     /// the wales; `free` for Y is the length that it takes by itself, with a table of it over the
     /// pull [default for Y: 1]
-    #[arg(long, value_name = "X[,Y|free]", value_parser = stretch)]
+    #[arg(long, value_name = "X[,Y|free]", value_parser = stretch, allow_hyphen_values = true)]
     pub(crate) stretch: Option<Stretch>,
     #[command(flatten)]
     pub(crate) part: Part,
@@ -369,7 +369,7 @@ pub(crate) struct Man {
 pub(crate) struct Part {
     /// Make the I-th of N parts, for N machines: files get a part of the yarns, and pictures a
     /// band of rows; together the parts are the whole
-    #[arg(long, value_name = "I/N")]
+    #[arg(long, value_name = "I/N", allow_hyphen_values = true)]
     pub(crate) tile: Option<Tile>,
 }
 
@@ -399,8 +399,44 @@ pub(crate) struct Running {
 mod tests {
     use super::*;
 
+    /// Names of values that are numbers.
+    const NUMBERS: [&str; 17] = [
+        "N",
+        "X",
+        "MM",
+        "DEG",
+        "DPI",
+        "K",
+        "T",
+        "B",
+        "X[,Y|free]",
+        "WxH",
+        "K|auto",
+        "X,Y|off",
+        "I/N",
+        "X,Y,Z",
+        "AZ,EL",
+        "X,Y,W,H",
+        "AX,AY,BX,BY",
+    ];
+
     #[test]
     fn the_definition_holds_together() {
         Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn negative_numbers_are_values_and_no_flags() {
+        let command = Arguments::command();
+        for subcommand in command.get_subcommands().chain([&command]) {
+            for flag in subcommand.get_arguments().filter(|flag| flag.get_long().is_some()) {
+                let names = flag.get_value_names().unwrap_or_default();
+                let takes_numbers = flag.get_action().takes_values()
+                    && names.iter().any(|name| NUMBERS.contains(&name.as_str()));
+                let takes_minus =
+                    flag.is_allow_negative_numbers_set() || flag.is_allow_hyphen_values_set();
+                assert!(takes_minus || !takes_numbers, "{} {flag}", subcommand.get_name());
+            }
+        }
     }
 }

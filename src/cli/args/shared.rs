@@ -88,7 +88,7 @@ pub(crate) struct Shared {
     #[arg(long)]
     pub(crate) npz_compress: bool,
     /// Size of the picture
-    #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
+    #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size, allow_hyphen_values = true)]
     pub(crate) size: (u32, u32),
     /// Side to look from; a swatch's front is its technical face
     #[arg(long, value_enum, default_value = "front")]

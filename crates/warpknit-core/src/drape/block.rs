@@ -119,15 +119,13 @@ impl Block {
         }
     }
 
-    /// The tag of a point of a strand. An end that was cut has that of the data point beside it, or none
-    /// where the strand's other end was cut in the same span.
+    /// The tag of a point of a strand. An end that was cut has that of the data point beside it.
     #[must_use]
-    pub fn tag_near(&self, strand: &Strand, at: u32) -> Option<&Tag> {
-        // Only a strand's first and last point can be cut.
+    pub fn tag_near(&self, strand: &Strand, at: u32) -> &Tag {
+        // Only a strand's first and last point can be cut, and strands have a data point.
         let beside = if at == strand.points.start { at + 1 } else { at - 1 };
-        let sources = [at, beside].map(|at| self.strands.sources[at as usize]);
-        let source = sources.into_iter().find(|&source| source != CUT)?;
-        Some(&self.knitted.tags[source as usize])
+        let [own, beside] = [at, beside].map(|at| self.strands.sources[at as usize]);
+        &self.knitted.tags[if own == CUT { beside } else { own } as usize]
     }
 
     /// The number of a strand's first point, counted along its yarn from a place that is the same

@@ -4,8 +4,8 @@
 //! In: [`FaceView`]s and [`Candidate`]s. Out: [`Fit`]s, the best first.
 //!
 //! A cloth and its mirror image compete, and both photos must show the same of the two. What a fit
-//! explains is the mean over the photos. Cost: some tens of milliseconds a candidate that is
-//! relaxed.
+//! explains is the mean over the photos. Cost: some tens of milliseconds a relaxation: six for the best
+//! candidates, two at most for others.
 
 use rayon::prelude::*;
 
@@ -14,12 +14,15 @@ use super::candidate::{Candidate, proportioned};
 use super::compare::Template;
 use super::view::{FaceView, Score};
 use crate::plane::double;
+use warpknit_core::fabric::Fabric;
 
 /// Blurs of sketches that are tried, pixels of theirs. Photos are blurred by themselves, and again
 /// before they are sampled. Drafts are tried with the first.
 const BLURS: [f64; 4] = [1.2, 0.9, 1.6, 2.0];
 /// Yarn diameters that are tried, of the candidate's own. The first, for all, leaves them as they are.
 const THICKNESSES: [f64; 6] = [1.0, 0.82, 0.87, 0.93, 1.07, 1.14];
+/// Change of a diameter below which another relaxation tells nothing.
+const SAME_DIAMETER: f64 = 0.02;
 /// Frames in which a draft that fits is tried again once it is relaxed.
 const FRAMES: usize = 4;
 
@@ -91,35 +94,48 @@ pub(super) fn fit_in(
 }
 
 /// Relaxes the fabrics of some fits at the photos' proportions: the best `thick` with yarns of several
-/// thicknesses, all others with the thickness that suits the best.
+/// diameters, all others with their own and with the one that suits the best.
 pub(super) fn refine(views: &mut [FaceView], fits: &[Fit], thick: usize) -> Vec<Fit> {
     for view in views.iter_mut() {
         fits.iter().for_each(|fit| view.fold(fit.candidate.repeat()));
     }
     let views = &*views;
-    let refined = |fit: &Fit, thickness: f64| -> Option<Fit> {
-        let fabric = proportioned(&fit.candidate.fabric, fit.proportion(views), thickness);
-        both_hands(views, &Candidate::relaxed(fabric), Some(fit)).into_iter().next()
-    };
     let [as_it_is, others @ ..] = THICKNESSES;
-    let mut first: Vec<Fit> = fits.par_iter().filter_map(|fit| refined(fit, as_it_is)).collect();
+    let mut first: Vec<Fit> =
+        fits.par_iter().filter_map(|fit| relaxed(views, fit, as_it_is)).collect();
     sort(&mut first);
     let rest = first.split_off(thick.min(first.len()));
-    // The best of some thicknesses, the fit's own among them.
-    let best = |fit: Fit, thicknesses: &[f64]| -> (Fit, f64) {
-        let others = thicknesses.iter().filter_map(|&other| Some((refined(&fit, other)?, other)));
-        let own = (fit.clone(), as_it_is);
-        others.fold(own, |a, b| if b.0.explained > a.0.explained { b } else { a })
-    };
-    let first: Vec<(Fit, f64)> = first.into_par_iter().map(|fit| best(fit, &others)).collect();
-    let likeliest = first.iter().max_by(|a, b| a.0.explained.total_cmp(&b.0.explained));
-    // A photo's yarns are as thick whatever their lapping.
-    let thickness = likeliest.map_or(as_it_is, |(_, thickness)| *thickness);
-    let rest = rest.into_par_iter().map(|fit| best(fit, &[thickness]).0);
-    let mut all: Vec<Fit> = first.into_iter().map(|(fit, _)| fit).collect();
-    all.par_extend(rest);
+    let mut all: Vec<Fit> = first.into_par_iter().map(|fit| best_of(views, fit, &others)).collect();
+    sort(&mut all);
+    // A photo's yarns have one diameter, whatever their lapping.
+    let diameter = all.first().map(|best| relative_diameter(&best.candidate.fabric));
+    all.par_extend(rest.into_par_iter().map(|fit| {
+        let own = relative_diameter(&fit.candidate.fabric);
+        let thickness = diameter.map_or(as_it_is, |diameter| diameter / own);
+        let is_other = (thickness - as_it_is).abs() > SAME_DIAMETER;
+        let thickness = thickness.clamp(others[0], others[others.len() - 1]);
+        if is_other { best_of(views, fit, &[thickness]) } else { fit }
+    }));
     sort(&mut all);
     all
+}
+
+/// Diameter of a fabric's thickest yarn over its wale spacing.
+fn relative_diameter(fabric: &Fabric) -> f64 {
+    2.0 * fabric.radius() / fabric.wale_spacing()
+}
+
+/// A fit with its fabric relaxed at the photos' proportion, its yarns so many times as thick.
+fn relaxed(views: &[FaceView], fit: &Fit, thickness: f64) -> Option<Fit> {
+    let fabric = proportioned(&fit.candidate.fabric, fit.proportion(views), thickness);
+    both_hands(views, &Candidate::relaxed(fabric), Some(fit)).into_iter().next()
+}
+
+/// The best of a fit and of the same with other thicknesses.
+fn best_of(views: &[FaceView], fit: Fit, thicknesses: &[f64]) -> Fit {
+    let others: Vec<Fit> =
+        thicknesses.iter().filter_map(|&thickness| relaxed(views, &fit, thickness)).collect();
+    others.into_iter().fold(fit, |a, b| if b.explained > a.explained { b } else { a })
 }
 
 /// The best first.

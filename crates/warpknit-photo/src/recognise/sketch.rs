@@ -2,7 +2,7 @@
 //!
 //! In: a relaxed [`Pattern`] and the face that is seen. Out: a [`Sketch`], channels of light that
 //! tile. Any light is about a sum of them: one that falls from the camera and two that fall from
-//! aside, each by the share of the sky that a place sees (`open_sky`), and one that is dimmer in the
+//! aside, each by the share of the sky that a place sees (`sky_visibility`), and one that is dimmer in the
 //! depth of the cloth. So a photo's light is fitted, not known.
 //!
 //! Method: orthographic projection of round yarns into a height buffer of twice the resolution.
@@ -11,7 +11,7 @@
 use glam::{DVec2, DVec3};
 
 use super::Face;
-use super::open_sky::open_sky;
+use super::sky_visibility::sky_visibility;
 use crate::plane::{Plane, double, narrow, percentile, whole};
 use warpknit_core::fabric::Fabric;
 use warpknit_core::ids::index32;
@@ -79,13 +79,13 @@ impl Top {
         (1.0 - x * x - y * y).max(0.0).sqrt()
     }
 
-    /// The light that the depth leaves it, 1 for a height of `highest`. `wale` is the wale spacing.
+    /// Light dimmed by depth, 1 for a height of `highest`. `wale` is the wale spacing.
     pub(super) fn depth_light(&self, highest: f32, wale: f64) -> f32 {
         let dimming = narrow((DIMMING * wale).recip());
         (-(highest - self.height).max(0.0) * dimming).exp()
     }
 
-    /// Its light in each channel: where it sees a share of the sky, and the depth leaves it some light.
+    /// Its light in each channel, given its sky visibility and its light dimmed by depth.
     pub(super) fn light(&self, sky: f32, depth: f32) -> [f32; CHANNELS] {
         let [x, y] = self.lean;
         [sky * (FLANK + (1.0 - FLANK) * self.up()), sky * x, sky * y, depth]
@@ -202,7 +202,7 @@ impl HeightBuffer {
         let mut heights: Vec<f32> =
             self.tops.iter().filter(|top| top.system != NONE).map(|top| top.height).collect();
         let highest = percentile(&mut heights, TOP);
-        let sky = open_sky(self, wale);
+        let sky = sky_visibility(self, wale);
         let light = |at: usize| {
             let top = &self.tops[at];
             if top.system == NONE {

@@ -10,7 +10,8 @@
 //! repeat is one wale wide and needles count by their differences only.
 //!
 //! Cost: a look at some hundred places a stitch. Not promised: the picture of a
-//! draft. A channel of light of an irregular lapping's face correlates with a draft's by 0.5 only.
+//! draft: stitches are lit by their depth alone. A channel of light of an irregular lapping's face correlates
+//! by 0.5 only with that of a draft that is lit so too.
 
 use std::collections::BTreeMap;
 

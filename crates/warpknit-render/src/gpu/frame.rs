@@ -12,6 +12,7 @@ use super::Yarns;
 use super::data;
 use super::lod::{Chunks, Frustum};
 use super::pages::{ChunkBounds, Page};
+use super::tiles;
 use crate::cpu::patches::NearLight;
 use crate::scene::Shape;
 use crate::shade::LAYER_RADII;
@@ -72,8 +73,8 @@ pub(super) struct DepthMap {
 #[derive(Clone, Debug)]
 pub(super) struct FrameSetup {
     pub(super) camera: Frustum,
-    /// The chunks in the camera's view.
-    pub(super) seen: Chunks,
+    /// The chunks that the picture's tiles may show.
+    pub(super) visible: Chunks,
     pub(super) sun: DepthMap,
     /// Depths around the eye.
     pub(super) depth: DepthMap,
@@ -110,8 +111,10 @@ impl FrameSetup {
         let pixel = camera.pixel_size(1.0, options.height) as f32;
         let clip_from_world = camera.clip_from_world(centre, options.aspect(), near, far);
         let frustum = Frustum { clip_from_world, eye: eye.extend(1.0), pixel };
-        let seen = Chunks::all(pages).within(pages, &frustum);
-        let visible = seen.bounds(pages);
+        let shown = tiles::with_margin(options) * clip_from_world;
+        let chunks = Chunks::inside(pages, &Frustum { clip_from_world: shown, ..frustum });
+        let in_picture = chunks.within(pages, &frustum);
+        let visible = in_picture.bounds(pages);
         // The mean position of the visible chunks. The pixel's size there sets the resolution of
         // the maps.
         let count = visible.clone().count().max(1) as f32;
@@ -147,7 +150,7 @@ impl FrameSetup {
             ..data::ViewUniform::zeroed()
         };
         let scale = texels(TEXELS_A_YARN * pixel_there / (2.0 * thinnest_yarn));
-        Some(Self { camera: frustum, sun: sun.0, depth, view, scale, seen })
+        Some(Self { camera: frustum, sun: sun.0, depth, view, scale, visible: chunks })
     }
 }
 

@@ -70,23 +70,33 @@ fn ball_in_view(sides: &[Vec4; 4], centre: Vec3, reach: f32) -> bool {
     sides.iter().all(|side| side.dot(centre.extend(1.0)) > -reach)
 }
 
+impl ChunkBounds {
+    /// See [`ball_in_view`].
+    fn is_in_view(&self, sides: &[Vec4; 4]) -> bool {
+        ball_in_view(sides, self.centre, self.reach)
+    }
+}
+
 /// Numbers of chunks, by page.
 #[derive(Clone, Debug)]
 pub(super) struct Chunks(Vec<Vec<u32>>);
 
 impl Chunks {
-    /// All chunks.
-    pub(super) fn all(pages: &[Page]) -> Self {
-        Self(pages.iter().map(|page| (0..index32(page.chunk_bounds.len())).collect()).collect())
+    /// All chunks inside a frustum.
+    pub(super) fn inside(pages: &[Page], frustum: &Frustum) -> Self {
+        let sides = frustum.sides();
+        let of_page = |page: &Page| {
+            let all = (0..).zip(&page.chunk_bounds);
+            all.filter(|(_, bounds)| bounds.is_in_view(&sides)).map(|(number, _)| number).collect()
+        };
+        Self(pages.par_iter().map(of_page).collect())
     }
 
     /// Those of them inside a frustum.
     pub(super) fn within(&self, pages: &[Page], frustum: &Frustum) -> Self {
         let sides = frustum.sides();
         let of_page = |(numbers, page): (&Vec<u32>, &Page)| {
-            let bounds = |number: u32| &page.chunk_bounds[number as usize];
-            let is_inside =
-                |&number: &u32| ball_in_view(&sides, bounds(number).centre, bounds(number).reach);
+            let is_inside = |&number: &u32| page.chunk_bounds[number as usize].is_in_view(&sides);
             numbers.iter().copied().filter(is_inside).collect()
         };
         Self(self.0.par_iter().zip(pages).map(of_page).collect())

@@ -246,9 +246,9 @@ impl Renderer {
             .gpu
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
-        let lit = Chunks::all(&yarns.pages).within(&yarns.pages, &frame.sun.frustum);
+        let sunward = Chunks::inside(&yarns.pages, &frame.sun.frustum);
         let [sun, depth] =
-            [(&frame.sun, &lit), (&frame.depth, &frame.seen)].map(|(map, chunks)| {
+            [(&frame.sun, &sunward), (&frame.depth, &frame.visible)].map(|(map, chunks)| {
                 let depths = &[PassKind::Depth];
                 let prepared = self.prepare_draws(yarns, chunks, &map.frustum, options, depths);
                 self.depth_map(&mut encoder, yarns, frame, map, &prepared)
@@ -341,7 +341,7 @@ impl Renderer {
         let draws = geometry.map(|(frame, depth_maps)| {
             let view = tile.view(frame, options);
             let frustum = Frustum { clip_from_world: view.clip_from_world, ..frame.camera };
-            let chunks = frame.seen.within(&yarns.pages, &frustum);
+            let chunks = frame.visible.within(&yarns.pages, &frustum);
             let kinds = &[PassKind::Prepass, PassKind::Light, PassKind::Fuzz];
             (view, depth_maps, self.prepare_draws(yarns, &chunks, &frustum, options, kinds))
         });

@@ -1,6 +1,8 @@
 //! Tiles of a picture: each is drawn at once, so that textures stay small.
 //!
 //! In: the picture's size, and how finely its yarns must be drawn. Out: [`Tile`]s with their uniforms.
+//! Each has a margin of one pixel, so that the filter at its border has the texels of the next tile. Cost:
+//! a tile's textures, and a plan of its yarns.
 
 use glam::{Mat4, Vec2};
 
@@ -53,8 +55,8 @@ impl Tile {
     }
 }
 
-/// The tiles of a picture, row by row, of at most so many texels a side with their margin of one
-/// pixel on all sides.
+/// The tiles of a picture, row by row, of at most so many texels a side with their margin. These are at
+/// least three pixels.
 pub(super) fn tiles(
     options: &RenderOptions,
     scale: u32,
@@ -83,6 +85,12 @@ pub(super) fn scale(needed: u32, options: &RenderOptions) -> u32 {
     let wanted = (options.spp / options.samples.max(1)).isqrt();
     let needed = if options.samples > 1 { needed } else { 1 };
     wanted.max(needed).clamp(1, MAX_SUPERSAMPLING)
+}
+
+/// Matrix that enlarges the picture to what its tiles show of the yarns: a pixel more on every side.
+pub(super) fn with_margin(options: &RenderOptions) -> Mat4 {
+    let whole = Vec2::new(options.width as f32, options.height as f32);
+    crop(options, Vec2::NEG_ONE, whole + 2.0)
 }
 
 /// Matrix that enlarges a part of the picture to all of clip space: `size` pixels from `corner` on.
