@@ -483,7 +483,7 @@ fn the_report_has_the_contracts_keys_in_their_order() {
         .lines()
         .filter_map(|line| line.trim().strip_prefix('"')?.split_once("\":").map(|(key, _)| key))
         .collect();
-    let contract = "warpknit fabric garment panels triangles unit uv_scale_mm warnings lost_cm2 lost_percent panels scale_mm mirrored folds area_cm2 stretch_warp stretch_weft wales_per_cm courses_per_cm tile yarns stitches \
+    let contract = "warpknit fabric garment panels triangles unit uv_scale_mm warnings notes lost_cm2 lost_percent panels scale_mm mirrored folds area_cm2 stretch_warp stretch_weft wales_per_cm courses_per_cm tile yarns stitches \
         data_points points_off_panel stitches_clipped surface shape st sr radius_mm triangles_per_stitch triangles vertices timings_ms read \
         relax knit locate strain map sweep surface render write total clearance clearance min_over_2r pairs_below_1 sweeps draped links checked wrong held strain plane_ms curved_ms threads peak_memory_mb renderer \
         cloth mass_g_m2 yarn_length_m run_in_mm_per_rack loop_width_mm thickness_mm cover_factor porosity stretch_warp stretch_weft";

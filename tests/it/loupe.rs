@@ -50,7 +50,7 @@ fn pictures_show_true_gauge_beside_files_that_other_programs_open() {
         "note: a.png shows true gauge: about 110000 stitches and ",
         "; --enlarge auto draws about 12000 larger ones",
         "note: the loupe magnifies the place ",
-        "note: a.glb and a.json have about 12000 stitches in place of 110000, 3.0 times enlarged, so \
+        "note: a.glb and the report have about 12000 stitches in place of 110000, 3.0 times enlarged, so \
          that other programs can open them: about ",
         ", where true gauge would take ",
         "; --enlarge 1 keeps true gauge. For this the cloth is knitted a second time",
@@ -195,6 +195,10 @@ fn many_pictures_are_enlarged_and_have_no_loupe() {
     let frames = ["drape", "sheet.obj", "sheet.obj", "two.obj", "--unit", "mm", "-o", "f.json"];
     let said = run(folder.path(), &frames);
     assert!(said.contains("the report has about 12000 stitches in place of 110000"), "{said}");
+
+    let files = ["-o", "a.csv", "-o", "b.npz", "-o", "c.ply"];
+    let said = run(folder.path(), &[&frames[..2], &["--unit", "mm"], &files].concat());
+    assert!(said.contains("note: the files have about 12000 stitches in place of"), "{said}");
 }
 
 /// A picture of the sheet with more flags.
