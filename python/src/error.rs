@@ -8,7 +8,7 @@ use std::error::Error;
 use std::io;
 
 use pyo3::create_exception;
-use pyo3::exceptions::{PyMemoryError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use warpknit::export::ExportError;
 use warpknit::pipeline::RunError;
@@ -36,6 +36,14 @@ pub(crate) fn line(error: &dyn Error) -> String {
         next = cause.source();
     }
     text
+}
+
+/// The exception for an argument of a wrong type.
+pub(crate) fn of_type(name: &str, given: &Bound<'_, PyAny>, wanted: &str) -> PyErr {
+    match given.get_type().name() {
+        Ok(kind) => PyTypeError::new_err(format!("{name} is of type {kind}, but must be {wanted}")),
+        Err(error) => error,
+    }
 }
 
 /// The exception for an error of a garment.

@@ -55,10 +55,7 @@ pub(crate) fn given(fabric: &Bound<'_, PyAny>) -> PyResult<fabric::Fabric> {
         return Ok(fabric.get().fabric.clone());
     }
     let Ok(name) = fabric.extract::<String>() else {
-        return Err(PyTypeError::new_err(format!(
-            "fabric is of type {}, but must be a Fabric or the name of a built-in one",
-            fabric.get_type().name()?
-        )));
+        return Err(error::of_type("fabric", fabric, "a Fabric or the name of a built-in one"));
     };
     fabric::Fabric::named(&name).map_err(|error| error::of_fabric(&error, None))
 }

@@ -51,13 +51,16 @@ pub(crate) fn lay(
     let strain = vec![StrainCounts::default(); cloth.garment().panels.len()];
     let mut laid = Laid { offsets: vec![0], first_stitches: vec![0], strain, ..Laid::default() };
     let totals = run(cloth, options, &mut |_, _| {}, &mut |blocks| {
-        if is_unwanted.load(Ordering::Relaxed) {
-            return Err(Stopped);
-        }
+        check_wanted(is_unwanted)?;
         blocks.iter().for_each(|block| laid.add(block));
         Ok(())
     })?;
     Ok((laid, totals))
+}
+
+/// Ends work that nobody waits for, before its next stage or block.
+pub(crate) fn check_wanted(is_unwanted: &AtomicBool) -> Result<(), Stopped> {
+    if is_unwanted.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
 }
 
 impl Laid {

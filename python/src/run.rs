@@ -15,7 +15,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use warpknit::drape::{Cloth, DrapeOptions, swatch_panel};
 use warpknit::garment::Panel;
@@ -29,7 +29,7 @@ use warpknit::{fabric, garment};
 use crate::error;
 use crate::fabric::{given, warn};
 use crate::garment::Garment;
-use crate::laid::{Laid, Stopped, lay};
+use crate::laid::{Laid, Stopped, check_wanted, lay};
 use crate::names;
 use crate::yarns::{Origin, Yarns, whole};
 
@@ -126,10 +126,7 @@ pub(crate) fn drape(
     sweeps: Option<bool>,
 ) -> PyResult<Yarns> {
     let Ok(garment) = garment.cast::<Garment>() else {
-        return Err(PyTypeError::new_err(format!(
-            "garment is of type {}, but must be a Garment: Garment.load reads files",
-            garment.get_type().name()?
-        )));
+        return Err(error::of_type("garment", garment, "a Garment: Garment.load reads files"));
     };
     let garment = garment.get();
     let placement =
@@ -247,11 +244,6 @@ pub(crate) fn swatch(
     let source = source(&fabric, Vec::new());
     let fabrics = (fabric.clone(), fabric);
     Yarns::new(py, Origin::Swatch([wales, courses]), fabrics, Settings::default(), source, laid)
-}
-
-/// Ends work that nobody waits for, before its next stage.
-fn check_wanted(is_unwanted: &AtomicBool) -> Result<(), Stopped> {
-    if is_unwanted.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
 }
 
 /// The origin of a run's cloth, for messages.
