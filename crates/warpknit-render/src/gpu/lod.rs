@@ -15,7 +15,7 @@
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
-use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
+use glam::{Mat4, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 
 use super::data::{PARTS, STEPS};
@@ -66,15 +66,8 @@ impl Frustum {
 
 /// Whether a ball reaches into all four half-spaces. It may pass near a corner without being
 /// visible; that only costs time.
-fn ball_in_view(sides: &[Vec4; 4], centre: Vec3, reach: f32) -> bool {
+fn ball_in_view(sides: &[Vec4; 4], &ChunkBounds { centre, reach, .. }: &ChunkBounds) -> bool {
     sides.iter().all(|side| side.dot(centre.extend(1.0)) > -reach)
-}
-
-impl ChunkBounds {
-    /// See [`ball_in_view`].
-    fn is_in_view(&self, sides: &[Vec4; 4]) -> bool {
-        ball_in_view(sides, self.centre, self.reach)
-    }
 }
 
 /// Numbers of chunks, by page.
@@ -87,7 +80,9 @@ impl Chunks {
         let sides = frustum.sides();
         let of_page = |page: &Page| {
             let all = (0..).zip(&page.chunk_bounds);
-            all.filter(|(_, bounds)| bounds.is_in_view(&sides)).map(|(number, _)| number).collect()
+            all.filter(|(_, bounds)| ball_in_view(&sides, bounds))
+                .map(|(number, _)| number)
+                .collect()
         };
         Self(pages.par_iter().map(of_page).collect())
     }
@@ -96,7 +91,8 @@ impl Chunks {
     pub(super) fn within(&self, pages: &[Page], frustum: &Frustum) -> Self {
         let sides = frustum.sides();
         let of_page = |(numbers, page): (&Vec<u32>, &Page)| {
-            let is_inside = |&number: &u32| page.chunk_bounds[number as usize].is_in_view(&sides);
+            let is_inside =
+                |&number: &u32| ball_in_view(&sides, &page.chunk_bounds[number as usize]);
             numbers.iter().copied().filter(is_inside).collect()
         };
         Self(self.0.par_iter().zip(pages).map(of_page).collect())
@@ -244,6 +240,8 @@ fn edges(radius: f32, pixel: f32, sr: u32) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     #[test]
@@ -277,10 +275,18 @@ mod tests {
             pixel: 1.0,
         };
         let sides = frustum.sides();
+        let ball = |centre| ChunkBounds {
+            centre,
+            reach: 1.0,
+            piece: 1.0,
+            pieces: 1,
+            look: 0,
+            most_stride: 1,
+        };
         let cases = [(0.0, true), (10.9, true), (11.1, false), (-10.9, true), (-11.1, false)];
         for (at, expected) in cases {
-            assert_eq!(ball_in_view(&sides, Vec3::X * at, 1.0), expected, "{at}");
-            assert_eq!(ball_in_view(&sides, Vec3::Y * at, 1.0), expected, "{at}");
+            assert_eq!(ball_in_view(&sides, &ball(Vec3::X * at)), expected, "{at}");
+            assert_eq!(ball_in_view(&sides, &ball(Vec3::Y * at)), expected, "{at}");
         }
     }
 }
