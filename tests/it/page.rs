@@ -80,11 +80,12 @@ fn a_browser_draws_turns_and_magnifies_pages_and_fetches_nothing() {
         ("locknit", "8", "warp.html"),
         ("cable", "8", "weft.html"),
         ("tricot", "160", "large.html"),
+        ("hex-net-5", "120", "sheer.html"),
     ] {
         let swatch = ["swatch", "--fabric", fabric, "--wales", side, "--courses", side, "-o", page];
         warpknit(folder.path()).args(swatch).assert().success();
     }
-    for page in ["garment.html", "warp.html", "weft.html", "large.html"] {
+    for page in ["garment.html", "warp.html", "weft.html", "large.html", "sheer.html"] {
         let found = probed(browser, folder.path(), page);
         for expected in [
             "draws=true",
@@ -102,11 +103,16 @@ fn a_browser_draws_turns_and_magnifies_pages_and_fetches_nothing() {
             assert!(found.split(' ').any(|word| word == expected), "{page}: {expected}: {found}");
         }
         assert!(!found.contains("facts=0"), "{page}: {found}");
-        if page == "large.html" {
+        let number = |name: &str| {
+            let value = found.split(' ').find_map(|word| word.strip_prefix(name));
+            value.and_then(|number| number.parse::<u32>().ok()).unwrap_or(u32::MAX)
+        };
+        match page {
             // Its loops are finer than pixels: each part of it then has the colour of the whole.
-            let uneven = found.split(' ').find_map(|word| word.strip_prefix("uneven="));
-            let uneven = uneven.and_then(|number| number.parse::<u32>().ok());
-            assert!(uneven.is_some_and(|number| number <= 12), "{page}: {found}");
+            "large.html" => assert!(number("uneven=") <= 12, "{page}: {found}"),
+            // Its yarns are a fifth of a pixel wide, and cover a fifth of the cloth.
+            "sheer.html" => assert!(number("stops=").abs_diff(20) <= 3, "{page}: {found}"),
+            _ => {}
         }
     }
 }

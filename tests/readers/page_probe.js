@@ -19,7 +19,16 @@ async function after(event, target = window) {
   let hash = 0, covered = 0;
   for (let i = 0; i < bytes.length; i++) hash = hash * 31 + bytes[i] | 0;
   for (let i = 3; i < bytes.length; i += 4) covered += bytes[i] > 0;
-  return { hash, covered: covered / (copy.width * copy.height), uneven: uneven(bytes, copy.width, copy.height) };
+  const [width, height] = [copy.width, copy.height];
+  return { hash, covered: covered / (width * height), uneven: uneven(bytes, width, height), stops: stops(bytes, width, height) };
+}
+
+// How much of the ground's light the middle of the canvas stops, of 100.
+function stops(bytes, width, height) {
+  let sum = 0, count = 0;
+  for (let y = Math.round(0.4 * height); y < 0.6 * height; y++)
+    for (let x = Math.round(0.4 * width); x < 0.6 * width; x++, count++) sum += bytes[4 * (y * width + x) + 3] / 255;
+  return Math.round(100 * sum / count);
 }
 
 // How far the mean colours of a grid of 5 x 5 places differ at most, of 255; places that are hardly yarn are left out.
@@ -65,6 +74,7 @@ const found = {
   zooms: zoomed.covered > front.covered,
   fetched: performance.getEntriesByType('resource').length,
   uneven: again.uneven,
+  stops: again.stops,
   facts: document.querySelectorAll('#facts dd').length,
   error: data.error || 'none',
   gl_error: canvas.getContext('webgl2').getError(),

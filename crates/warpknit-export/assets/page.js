@@ -13,6 +13,7 @@ const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 const WIDTH = 2048;                    // of the textures; yarn.vert knows it too
 const END = 256;                       // flag of the entries behind a strand's last point
 const FOV = Math.PI / 6;
+const THINNEST = 0.6;                  // pixels to each side of a ribbon: thinner ones would break up into dots
 
 // Vectors of three numbers.
 const add = (a, b, k = 1) => [a[0] + k * b[0], a[1] + k * b[1], a[2] + k * b[2]];
@@ -144,7 +145,7 @@ function fit(coarse) {
   return { width, height, scale };
 }
 fit(true);
-const gl = canvas.getContext('webgl2', { antialias: false, alpha: true });
+const gl = canvas.getContext('webgl2', { antialias: false, alpha: true, stencil: true });
 if (!gl) return fail('This page needs WebGL 2, which this browser or its settings do not offer.');
 if (!self.DecompressionStream) return fail('This browser is too old for this page: it needs one of 2023 or later.');
 
@@ -182,7 +183,7 @@ texture(1, 'directions', gl.RGBA8_SNORM, ...texels, gl.RGBA, gl.BYTE, yarns.dire
 // Sharp pictures have up to four samples a pixel, in a framebuffer of their own. Coarse ones are drawn straight onto the
 // canvas, and so are pictures for which the card has no memory.
 const sharp = gl.createFramebuffer(), SAMPLES = Math.min(4, gl.getParameter(gl.MAX_SAMPLES));
-const layers = [[gl.RGBA8, gl.COLOR_ATTACHMENT0], [gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT]].map(([format, place]) => {
+const layers = [[gl.RGBA8, gl.COLOR_ATTACHMENT0], [gl.DEPTH24_STENCIL8, gl.DEPTH_STENCIL_ATTACHMENT]].map(([format, place]) => {
   const buffer = gl.createRenderbuffer();
   gl.bindFramebuffer(gl.FRAMEBUFFER, sharp);
   gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
@@ -219,8 +220,53 @@ function isOutside(planes, [x, y, z], reach) {
   return false;
 }
 
+// How opaque a ribbon is: where yarns are thinner than a pixel it is wider than they are, and stops as little light.
+// One number serves all yarns of a picture, since `showThrough` only knows how many of them there are.
+function opacityOf({ pixel, distance }) {
+  const shown = cloth.bars.filter((_, bar) => !hidden.has(bar)), mean = shown.reduce((sum, { radius }) => sum + radius, 0) / shown.length;
+  return Math.min(1, mean / (THINNEST * pixel * distance));
+}
+
+// A disc as wide as the viewport, or what covers all of it, behind everything.
+function drawGround(coversAll, veil) {
+  gl.uniform1i(at('sides'), 0);
+  gl.uniform3i(at('shape'), coversAll, 1, 0);
+  gl.uniform1f(at('opacity'), veil);
+  gl.drawArrays(gl.TRIANGLE_FAN, 0, 66);
+}
+
+// Lets the ground through between yarns, as far as all ribbons before it stop its light. Each sample's stencil counts
+// them, in any order and behind others too. Light that passes one of them passes n of them n times: a product over the
+// binary digits of n, in the canvas' alpha.
+function showThrough(opacity) {
+  gl.disable(gl.DEPTH_TEST);
+  gl.stencilOp(gl.KEEP, gl.KEEP, gl.KEEP);
+  gl.colorMask(false, false, false, true);
+  gl.clearColor(0, 0, 0, 1);
+  gl.clear(gl.COLOR_BUFFER_BIT);
+  gl.enable(gl.BLEND);
+  gl.blendFuncSeparate(gl.ZERO, gl.ONE, gl.ZERO, gl.SRC_ALPHA);
+  let passes = (1 - opacity) ** cloth.optical_depth;
+  for (let digit = 1; digit < 256; digit *= 2, passes *= passes) {
+    const isLast = passes < 0.002;
+    gl.stencilFunc(isLast ? gl.LEQUAL : gl.EQUAL, digit, isLast ? 255 : digit);
+    drawGround(true, passes);
+    if (isLast) break;
+  }
+  // The yarns' colour is as strong as the light that they stop.
+  gl.disable(gl.STENCIL_TEST);
+  gl.colorMask(true, true, true, true);
+  gl.blendEquationSeparate(gl.FUNC_ADD, gl.FUNC_SUBTRACT);
+  gl.blendFuncSeparate(gl.ZERO, gl.ONE_MINUS_DST_ALPHA, gl.ONE, gl.ONE);
+  drawGround(true, 1);
+  gl.blendEquation(gl.FUNC_ADD);
+  gl.disable(gl.BLEND);
+  gl.enable(gl.DEPTH_TEST);
+}
+
 // Draws all that a camera sees; `fineness` is the pixels that count as one.
-function drawYarns({ clip, eye, pixel }, fineness) {
+function drawYarns({ clip, eye, pixel }, fineness, opacity = 1) {
+  gl.uniform1f(at('opacity'), opacity);
   gl.uniformMatrix4fv(at('clip'), false, clip);
   gl.uniform3fv(at('eye'), eye);
   gl.uniform1f(at('pixel'), pixel);
@@ -371,11 +417,18 @@ function draw(now) {
   gl.bindFramebuffer(gl.FRAMEBUFFER, isSampled ? sharp : null);
   gl.viewport(0, 0, width, height);
   gl.clearColor(0, 0, 0, 0);
-  gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+  gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
   gl.uniform3fv(at('lamp'), unit(add(add(seen.back, seen.right, -0.55), seen.up, 0.75)));
   gl.uniform3fv(at('sky'), unit(add(seen.up, seen.back, 0.6)));
   gl.uniform2fv(at('heights'), heights);
-  drawYarns(seen, fineness);
+  const opacity = opacityOf(seen);
+  if (opacity < 1) {
+    gl.enable(gl.STENCIL_TEST);
+    gl.stencilFunc(gl.ALWAYS, 0, 255);
+    gl.stencilOp(gl.KEEP, gl.INCR, gl.INCR);
+  }
+  drawYarns(seen, fineness, opacity);
+  if (opacity < 1) showThrough(opacity);
   if (loupe.on) drawLoupe(seen, width, height, scale, fineness);
   if (isSampled) {
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
@@ -401,10 +454,8 @@ function drawLoupe(seen, width, height, scale, fineness) {
   gl.clearDepth(0);
   gl.clear(gl.DEPTH_BUFFER_BIT);
   gl.clearDepth(1);
-  gl.uniform1i(at('sides'), 0);
-  gl.uniform3i(at('shape'), 0, 1, 0);
   gl.depthFunc(gl.ALWAYS);
-  gl.drawArrays(gl.TRIANGLE_FAN, 0, 66);
+  drawGround(false, 0);
   gl.depthFunc(gl.LESS);
   drawYarns(near, fineness);
   gl.disable(gl.SCISSOR_TEST);

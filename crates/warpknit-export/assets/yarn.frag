@@ -8,6 +8,7 @@ uniform vec3 color, lamp, sky;        // linear; directions
 uniform vec2 heights;                 // mm of depth at the back and the face of the cloth
 uniform float radius;
 uniform int sides;
+uniform float opacity;                // alpha of what covers the viewport
 
 // How light a place of the cloth is from afar, and how much of the difference between places is left out there.
 const float FAR_OPEN = .62, FAR_SHARE = .8;
@@ -23,8 +24,8 @@ float power24(float x) {
 }
 
 void main() {
-  if (sides == 0) {                   // the ground of the loupe
-    result = vec4(0);
+  if (sides == 0) {                   // the loupe's ground, or what lets light through
+    result = vec4(0, 0, 0, opacity);
     return;
   }
   vec3 v = -normalize(sight), c = normalize(cloth), f = normalize(along);

@@ -17,6 +17,7 @@ uniform vec3 eye, low;                // mm from the cloth's middle
 uniform float grid, radius, pixel;    // mm; mm; mm a pixel has at a distance of 1 mm
 uniform float twist;                  // radians an entry
 uniform vec2 heights;                 // mm of depth at 0 and at 255
+uniform float opacity;                // of a ribbon: the yarn's width over its own
 uniform ivec3 shape;                  // first entry; rings an entry; sides
 
 out vec3 sight, side, front, along, cloth;
@@ -39,9 +40,9 @@ vec3 slope(vec3 a, vec3 b) {
 
 void main() {
   int sides = shape.z, ring, corner;
-  if (sides == 0) {                   // a fan of 64 triangles: the loupe's disc, behind everything
-    float turn = 6.2831853 * float(gl_VertexID - 1) / 64.;
-    gl_Position = vec4(gl_VertexID == 0 ? vec2(0) : vec2(cos(turn), sin(turn)), 1., 1.);
+  if (sides == 0) {                   // a fan of 64 triangles behind everything: a disc, or more than the viewport
+    float turn = 6.2831853 * float(gl_VertexID - 1) / 64., reach = shape.x == 1 ? 1.5 : 1.;
+    gl_Position = vec4(gl_VertexID == 0 ? vec2(0) : reach * vec2(cos(turn), sin(turn)), 1., 1.);
     return;
   }
   if (sides == 2) {
@@ -114,8 +115,8 @@ void main() {
     front = cross(along, side);
     front *= dot(front, sight) > 0. ? -1. : 1.;
     across = float(2 * corner - 1);
-    // Yarns thinner than a pixel would break up into dots.
-    width = max(radius, .6 * dot_size);
+    // Yarns that are far behind what is looked at would still break up into dots.
+    width = max(radius / opacity, .45 * dot_size);
     p += width * across * side;
   } else {
     first = normalize(first - along * dot(first, along));

@@ -12,7 +12,7 @@ use warpknit_core::knit::numbers::{self, Numbers};
 const LAPPING: usize = 120;
 
 /// What a page says of a fabric.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facts {
     /// One line about it.
     pub about: String,
@@ -20,7 +20,14 @@ pub struct Facts {
     pub systems: Vec<SystemFacts>,
     /// Label and value, in the order in which they are shown.
     pub cloth: Vec<(&'static str, String)>,
+    /// Optical depth of the cloth, seen from the front, over the area of its yarns side by side.
+    /// It is 1 for yarns that lie at random, more where they lie beside each other, and less where
+    /// they lie behind each other. It is unknown without a fabric.
+    pub depth_of_yarns: Option<f64>,
 }
+
+/// The most cover whose optical depth counts: a raster can't tell more from all of it.
+const MOST_COVER: f64 = 0.998;
 
 /// What a page says of a yarn system.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -76,8 +83,23 @@ impl Facts {
             let facts = own.into_iter().chain(run_in).collect();
             SystemFacts { name: format!("{kind} {}", system + 1), facts }
         });
-        Self { about: fabric.about.clone(), systems: systems.collect(), cloth }
+        Self {
+            about: fabric.about.clone(),
+            systems: systems.collect(),
+            cloth,
+            depth_of_yarns: depth_of_yarns(fabric, numbers),
+        }
     }
+}
+
+/// [`Facts::depth_of_yarns`].
+fn depth_of_yarns(fabric: &Fabric, numbers: &Numbers) -> Option<f64> {
+    let widths = fabric.thickness().into_iter().map(|thickness| 2.0 * thickness * fabric.radius());
+    let lengths = fabric.yarns().zip(&numbers.bar_mass);
+    // g/m² over g/km is km/m², and so many mm of yarn lie on each mm².
+    let area: f64 =
+        lengths.zip(widths).map(|((yarn, mass), width)| width * mass / yarn.tex_in_cloth()).sum();
+    (area > 0.0).then(|| -(-numbers.cover.min(MOST_COVER)).ln_1p() / area)
 }
 
 /// A number with three digits or more, and no zeros behind its point.
@@ -117,6 +139,17 @@ mod tests {
             ("Feeder 1", 2)
         );
         assert!(jersey.cloth.iter().all(|(label, _)| *label != "Loops drawn"));
+    }
+
+    /// Yarns of nets and warp knits cross each other more often than by chance, and those of a jersey
+    /// less often.
+    #[test]
+    fn the_optical_depth_of_yarns_is_that_of_the_cover() {
+        for (name, depth) in [("hex-net-5", 0.9), ("jersey", 1.55)] {
+            let found = Facts::measured(&Fabric::named(name).unwrap()).depth_of_yarns.unwrap();
+            assert!((found - depth).abs() < 0.1, "{name}: {found}");
+        }
+        assert_eq!(Facts::default().depth_of_yarns, None);
     }
 
     #[test]

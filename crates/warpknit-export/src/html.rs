@@ -43,6 +43,8 @@ pub struct HtmlWriter<W> {
     name: String,
     styles: Vec<StrandStyle>,
     facts: Facts,
+    /// [`Facts::depth_of_yarns`], or of fibres, which lie in yarns nearly at random.
+    optical_depth: f64,
     stitches: u64,
     lines: Lines,
 }
@@ -58,6 +60,11 @@ impl<W: Write + Seek + Send> HtmlWriter<W> {
             name: cloth.name.clone(),
             styles: cloth.strands.clone(),
             facts: cloth.facts.clone(),
+            optical_depth: cloth
+                .facts
+                .depth_of_yarns
+                .filter(|_| cloth.bundles.is_empty())
+                .unwrap_or(1.0),
             stitches: 0,
             lines: Lines::default(),
         })
@@ -93,6 +100,7 @@ impl<W: Write + Seek + Send> HtmlWriter<W> {
             "about": self.facts.about,
             "bars": bars.collect::<Vec<_>>(),
             "facts": self.facts.cloth,
+            "optical_depth": self.optical_depth,
             "points": self.lines.points(),
             "strands": self.lines.strands(),
             "runs": self.lines.runs(),
