@@ -1,4 +1,5 @@
-//! The library's errors as Python exceptions, with the texts that the command prints.
+//! The library's errors as Python exceptions. Their texts are those that the command prints, with its
+//! flags as keywords.
 //!
 //! In: an error of the library. Out: `GarmentError` or `FabricError`, both of them `ValueError`s;
 //! `OSError` where a file can't be written, `MemoryError` where cloth doesn't fit, and `ValueError`
@@ -27,7 +28,28 @@ create_exception!(
     "A fabric that can't be read or knitted. Its text names the file, the line and what to do."
 );
 
-/// An error and its causes in one line, as the command prints them.
+/// A text of the command for Python: `--wales-per-cm` is `wales_per_cm`, but not in a command that is
+/// quoted in backquotes.
+pub(crate) fn with_keywords(text: &str) -> String {
+    let text = text.replace("`warpknit fabrics`", "`Fabric.names()`");
+    let parts = text.split('`').enumerate().map(|(at, part)| match at % 2 {
+        0 => part.split(' ').map(keyword).collect::<Vec<_>>().join(" "),
+        _ => part.to_owned(),
+    });
+    parts.collect::<Vec<_>>().join("`")
+}
+
+/// A word that may be a flag, as a keyword.
+fn keyword(word: &str) -> String {
+    match word.trim_start_matches('(').strip_prefix("--") {
+        Some(flag) if flag.starts_with(|letter: char| letter.is_ascii_lowercase()) => {
+            word.replacen("--", "", 1).replace('-', "_")
+        }
+        _ => word.to_owned(),
+    }
+}
+
+/// An error and its causes in one line.
 pub(crate) fn line(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut next = error.source();
@@ -35,7 +57,7 @@ pub(crate) fn line(error: &dyn Error) -> String {
         text = format!("{text}: {cause}");
         next = cause.source();
     }
-    text
+    with_keywords(&text)
 }
 
 /// The exception for an argument of a wrong type.
@@ -53,10 +75,11 @@ pub(crate) fn of_garment(error: &garment::GarmentError) -> PyErr {
 
 /// The exception for an error in a fabric. `file` is the fabric file, if it is of one.
 pub(crate) fn of_fabric(error: &fabric::FabricError, file: Option<&str>) -> PyErr {
+    let text = with_keywords(&error.to_string());
     FabricError::new_err(match (file, &error.place) {
-        (Some(file), Some(place)) => format!("{file}:{}: {error}", place.line),
-        (Some(file), None) => format!("{file}: {error}"),
-        (None, _) => error.to_string(),
+        (Some(file), Some(place)) => format!("{file}:{}: {text}", place.line),
+        (Some(file), None) => format!("{file}: {text}"),
+        (None, _) => text,
     })
 }
 

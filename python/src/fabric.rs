@@ -60,8 +60,9 @@ pub(crate) fn given(fabric: &Bound<'_, PyAny>) -> PyResult<fabric::Fabric> {
     fabric::Fabric::named(&name).map_err(|error| error::of_fabric(&error, None))
 }
 
-/// Warns the Python user.
+/// Warns the Python user in words of the command.
 pub(crate) fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
+    let text = error::with_keywords(text);
     // Texts have no zero bytes. One that had would lose what stands behind it.
     let text = CString::new(text.split('\0').next().unwrap_or_default())?;
     PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)

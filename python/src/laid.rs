@@ -3,16 +3,13 @@
 //! In: blocks as `warpknit::drape::run` delivers them, whose memory is used again. Out: [`Laid`], a
 //! row a point and a row a strand, as numpy takes them. Cost: 88 bytes a point.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use glam::DVec3;
 use warpknit::drape::strands::Strand;
 use warpknit::drape::{Block, Cloth, DrapeOptions, Totals, run};
 use warpknit::ids::index32;
 use warpknit::map::relaxed::StrainCounts;
 
-/// The work was stopped.
-pub(crate) struct Stopped;
+use crate::work::{Stopped, Watch};
 
 /// The arrays of all yarns.
 #[derive(Default)]
@@ -46,21 +43,17 @@ pub(crate) struct Laid {
 pub(crate) fn lay(
     cloth: &Cloth<'_>,
     options: &DrapeOptions,
-    is_unwanted: &AtomicBool,
+    watch: &Watch,
 ) -> Result<(Laid, Totals), Stopped> {
     let strain = vec![StrainCounts::default(); cloth.garment().panels.len()];
     let mut laid = Laid { offsets: vec![0], first_stitches: vec![0], strain, ..Laid::default() };
-    let totals = run(cloth, options, &mut |_, _| {}, &mut |blocks| {
-        check_wanted(is_unwanted)?;
-        blocks.iter().for_each(|block| laid.add(block));
-        Ok(())
-    })?;
+    let totals =
+        run(cloth, options, &mut |stage, share| watch.reach(stage, share), &mut |blocks| {
+            watch.check_wanted()?;
+            blocks.iter().for_each(|block| laid.add(block));
+            Ok(())
+        })?;
     Ok((laid, totals))
-}
-
-/// Ends work that nobody waits for, before its next stage or block.
-pub(crate) fn check_wanted(is_unwanted: &AtomicBool) -> Result<(), Stopped> {
-    if is_unwanted.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
 }
 
 impl Laid {

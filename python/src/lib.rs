@@ -13,6 +13,7 @@ mod garment;
 mod laid;
 mod names;
 mod run;
+mod work;
 mod yarns;
 
 use pyo3::prelude::*;

@@ -3,17 +3,10 @@
 //! In: a garment and a fabric, or a fabric and a size. Out: `Yarns`. Densities, limits and the cache
 //! of strained repeats are those of the command.
 //!
-//! The work has a thread of its own, and Python's looks for Ctrl-C meanwhile. Not promised: that the work
-//! ends at once. It goes on to its next stage or block of yarns and takes cores and memory until then. Its
-//! result is dropped, but strained repeats that it has solved are kept.
+//! Of work that Ctrl-C has ended, the strained repeats that were solved are kept.
 
-use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::thread;
-use std::time::Duration;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -29,8 +22,9 @@ use warpknit::{fabric, garment};
 use crate::error;
 use crate::fabric::{given, warn};
 use crate::garment::Garment;
-use crate::laid::{Laid, Stopped, check_wanted, lay};
+use crate::laid::{Laid, lay};
 use crate::names;
+use crate::work::{Fault, Watch, awaited};
 use crate::yarns::{Origin, Yarns, whole};
 
 /// Memory of a stitch in the arrays, GB: some nine points of 88 bytes. While a panel's yarns are moved
@@ -39,62 +33,6 @@ const STITCH_GB: f64 = 800e-9;
 const SWEPT_STITCH_GB: f64 = 3000e-9;
 /// The largest swatch each way.
 const MOST_SWATCH: u32 = 1000;
-
-/// How often Ctrl-C is looked for.
-const LOOK: Duration = Duration::from_millis(50);
-
-/// An error in the work, or its end because nobody waits for it.
-enum Fault {
-    Run(RunError),
-    Stopped,
-}
-
-impl From<RunError> for Fault {
-    fn from(error: RunError) -> Self {
-        Self::Run(error)
-    }
-}
-
-impl From<Stopped> for Fault {
-    fn from(_: Stopped) -> Self {
-        Self::Stopped
-    }
-}
-
-/// The result of work in a thread of its own. Ctrl-C ends the wait for it.
-fn awaited<T: Send + 'static>(
-    py: Python<'_>,
-    work: impl FnOnce(&AtomicBool) -> Result<T, Fault> + Send + 'static,
-) -> PyResult<T> {
-    let is_unwanted = Arc::new(AtomicBool::new(false));
-    let (sender, mut receiver) = channel();
-    let flag = Arc::clone(&is_unwanted);
-    // Nobody may be left to take the result.
-    let run = move || drop(sender.send(work(&flag)));
-    let worker = thread::Builder::new().name("warpknit".to_owned()).spawn(run)?;
-    loop {
-        let (kept, result) = py.detach(move || {
-            let result = receiver.recv_timeout(LOOK);
-            (receiver, result)
-        });
-        receiver = kept;
-        match result {
-            Ok(Ok(done)) => return Ok(done),
-            Ok(Err(Fault::Run(error))) => return Err(error::of_run(&error)),
-            Err(RecvTimeoutError::Timeout) => {
-                if let Err(interrupt) = py.check_signals() {
-                    is_unwanted.store(true, Ordering::Relaxed);
-                    return Err(interrupt);
-                }
-            }
-            // `Stopped` can't come here: who sets the flag returns. So the work panicked.
-            Ok(Err(Fault::Stopped)) | Err(RecvTimeoutError::Disconnected) => {
-                let panic = worker.join().expect_err("work without a result panicked");
-                resume_unwind(panic)
-            }
-        }
-    }
-}
 
 /// Knits a fabric onto a garment, and returns its yarns.
 ///
@@ -108,11 +46,13 @@ fn awaited<T: Send + 'static>(
 /// edge: "clip" cuts yarns at the panels' edges; "drop" leaves out stitches that cross them.
 /// sweeps: whether yarns that cut each other on the body are moved apart, with "relaxed". By default
 ///     up to a million stitches.
+/// progress: called as progress(stage, share), at most 20 times a second. Stages are "strain", the solving of
+///     strained repeats, then "yarns"; shares go from 0 to 1. An exception in it ends the work.
 ///
 /// Raises GarmentError or FabricError; MemoryError where the arrays don't fit. Warns as the command does.
 #[pyfunction]
 #[pyo3(signature = (garment, fabric, wales_per_cm=None, mapping="relaxed", *, courses_per_cm=None,
-                    enlarge=None, edge="clip", sweeps=None))]
+                    enlarge=None, edge="clip", sweeps=None, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn drape(
     py: Python<'_>,
@@ -124,6 +64,7 @@ pub(crate) fn drape(
     enlarge: Option<f64>,
     edge: &str,
     sweeps: Option<bool>,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Yarns> {
     let Ok(garment) = garment.cast::<Garment>() else {
         return Err(error::of_type("garment", garment, "a Garment: Garment.load reads files"));
@@ -152,9 +93,9 @@ pub(crate) fn drape(
     let named = densities.of_fabric(given(fabric)?);
     let named = named.map_err(|error| error::of_fabric(&error, None))?;
     let inputs = (Arc::clone(&garment.garment), named.clone(), settings.clone());
-    let (draped, shown, laid, warnings) = awaited(py, move |is_unwanted| {
+    let (draped, shown, laid, warnings) = awaited(py, progress, move |watch| {
         let (garment, named, settings) = &inputs;
-        laid(garment, named, settings, is_unwanted)
+        laid(garment, named, settings, watch)
     })?;
     for warning in warnings {
         warn(py, &warning)?;
@@ -172,7 +113,7 @@ fn laid(
     garment: &Arc<garment::Garment>,
     fabric: &fabric::Fabric,
     settings: &Settings,
-    is_unwanted: &AtomicBool,
+    watch: &Watch,
 ) -> Result<Drape, Fault> {
     pipeline::check_placement(settings.placement)?;
     let mut garment = Arc::clone(garment);
@@ -191,11 +132,11 @@ fn laid(
     let options = DrapeOptions::from(settings.placement);
     run_in::check(&shown, cloth.pattern()).map_err(RunError::from)?;
     check_size(&cloth, &options)?;
-    check_wanted(is_unwanted)?;
+    watch.check_wanted()?;
     let wants_strain = options.mapping == Mapping::Relaxed;
     let cache = StrainCache::open(settings.cache.as_deref().filter(|_| wants_strain), &cloth);
-    check_wanted(is_unwanted)?;
-    let laid = lay(&cloth, &options, is_unwanted);
+    watch.check_wanted()?;
+    let laid = lay(&cloth, &options, watch);
     cache.keep(&cloth);
     let (laid, totals) = laid?;
     pipeline::check_laid(&totals)?;
@@ -228,7 +169,7 @@ pub(crate) fn swatch(
     let (wales, courses) = (whole("wales", wales, &sides)?, whole("courses", courses, &sides)?);
     let fabric = given(fabric)?;
     let own = fabric.clone();
-    let (laid, warnings) = awaited(py, move |is_unwanted| {
+    let (laid, warnings) = awaited(py, None, move |watch| {
         let panel = swatch_panel(&own, wales, courses);
         let cloth = Cloth::swatch(&panel, &own, wales, courses);
         run_in::check(&own, cloth.pattern()).map_err(RunError::from)?;
@@ -236,7 +177,7 @@ pub(crate) fn swatch(
         let options = DrapeOptions { mapping: Mapping::Smooth, ..DrapeOptions::default() };
         check_size(&cloth, &options)?;
         let warnings = pipeline::cloth_warnings(&cloth, &own, own.radius());
-        Ok((lay(&cloth, &options, is_unwanted)?.0, warnings))
+        Ok((lay(&cloth, &options, watch)?.0, warnings))
     })?;
     for warning in warnings {
         warn(py, &warning)?;

@@ -206,6 +206,22 @@ def test_ctrl_c_is_heard_while_repeats_are_solved(meshes: Path, tmp_path: Path) 
     assert 0.0 <= float(done.stdout) < 10.0
 
 
+def test_progress_goes_from_strain_to_yarns(tube: warpknit.Garment) -> None:
+    told: list[tuple[str, float]] = []
+    warpknit.drape(tube, "tricot", progress=lambda *reached: told.append(reached))
+    assert told[-1] == ("yarns", 1.0)
+    assert all(stage in ("strain", "yarns") and 0.0 <= share <= 1.0 for stage, share in told)
+    assert [stage for stage, _ in told] == sorted(stage for stage, _ in told)
+
+
+def test_an_exception_in_progress_ends_the_drape(tube: warpknit.Garment) -> None:
+    def refuse(stage: str, share: float) -> None:
+        raise RuntimeError(f"enough of {stage}")
+
+    with pytest.raises(RuntimeError, match="enough of"):
+        warpknit.drape(tube, "tricot", progress=refuse)
+
+
 def test_files_are_those_of_the_command(meshes: Path, locknit: warpknit.Fabric, tmp_path: Path) -> None:
     command = os.environ.get("WARPKNIT", shutil.which("warpknit") or "")
     if not command:

@@ -1,6 +1,6 @@
 """The types of the compiled module. Its docstrings are in the classes themselves."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import Any, Literal, final
 
@@ -186,6 +186,7 @@ def drape(
     enlarge: float | None = None,
     edge: Literal["clip", "drop"] = "clip",
     sweeps: bool | None = None,
+    progress: Callable[[str, float], object] | None = None,
 ) -> Yarns:
     """Knits a fabric onto a garment."""
 
