@@ -1,6 +1,6 @@
 //! The yarns of a cloth as flat arrays.
 //!
-//! In: blocks as `warpknit::drape::run` delivers them, whose memory is used again. Out: [`Laid`], a
+//! In: blocks as `warpknit::drape::run` delivers them, whose memory is used again. Out: [`LaidArrays`], a
 //! row a point and a row a strand, as numpy takes them. Cost: 88 bytes a point.
 
 use glam::DVec3;
@@ -13,7 +13,7 @@ use crate::work::{Stopped, Watch};
 
 /// The arrays of all yarns.
 #[derive(Default)]
-pub(crate) struct Laid {
+pub(crate) struct LaidArrays {
     /// A row a point, mm: on the body.
     pub(crate) points: Vec<f64>,
     /// Unit normals of the cloth under each point.
@@ -44,9 +44,10 @@ pub(crate) fn lay(
     cloth: &Cloth<'_>,
     options: &DrapeOptions,
     watch: &Watch,
-) -> Result<(Laid, Totals), Stopped> {
+) -> Result<(LaidArrays, Totals), Stopped> {
     let strain = vec![StrainCounts::default(); cloth.garment().panels.len()];
-    let mut laid = Laid { offsets: vec![0], first_stitches: vec![0], strain, ..Laid::default() };
+    let mut laid =
+        LaidArrays { offsets: vec![0], first_stitches: vec![0], strain, ..LaidArrays::default() };
     let totals =
         run(cloth, options, &mut |stage, share| watch.reach(stage, share), &mut |blocks| {
             watch.check_wanted()?;
@@ -56,7 +57,7 @@ pub(crate) fn lay(
     Ok((laid, totals))
 }
 
-impl Laid {
+impl LaidArrays {
     fn add(&mut self, block: &Block) {
         if block.origin == DVec3::ZERO {
             self.points.extend_from_slice(bytemuck::cast_slice(&block.draped.positions));

@@ -22,7 +22,7 @@ use warpknit::{fabric, garment};
 use crate::error;
 use crate::fabric::{given, warn};
 use crate::garment::Garment;
-use crate::laid::{Laid, lay};
+use crate::laid::{LaidArrays, lay};
 use crate::names;
 use crate::work::{Fault, Watch, awaited};
 use crate::yarns::{Origin, Yarns, whole};
@@ -106,7 +106,7 @@ pub(crate) fn drape(
 
 /// What a drape makes: the garment with its panels turned, the fabric as it is drawn, the yarns, and
 /// warnings.
-type Drape = (Arc<garment::Garment>, fabric::Fabric, Laid, Vec<String>);
+type Drape = (Arc<garment::Garment>, fabric::Fabric, LaidArrays, Vec<String>);
 
 /// Lays a fabric of chosen densities on a garment.
 fn laid(

@@ -1,6 +1,6 @@
 //! `warpknit.Yarns`: what a drape or a swatch makes.
 //!
-//! In: the arrays of [`Laid`]. Out: numpy arrays over the same memory, tubes, pictures, files and
+//! In: the arrays of [`LaidArrays`]. Out: numpy arrays over the same memory, tubes, pictures, files and
 //! the report. Tubes and pictures are made from the arrays. Files and the report are made by a run
 //! of `warpknit::pipeline` with the same settings, so that they are those of the command, byte for
 //! byte; that run knits again.
@@ -28,7 +28,7 @@ use warpknit::yarn::tube::{MAX_ST, SR, Section, Tubes};
 use warpknit::{fabric, garment};
 
 use crate::error;
-use crate::laid::{Laid, index64};
+use crate::laid::{LaidArrays, index64};
 use crate::names;
 
 /// The largest picture each way, pixels.
@@ -65,20 +65,20 @@ pub(crate) struct Yarns {
     bar: Py<PyArray1<i32>>,
     radius: Py<PyArray1<f64>>,
     stitch_counts: Py<PyArray1<i64>>,
-    strands: Strands,
+    strands: StrandLayout,
     report: OnceLock<String>,
 }
 
 /// What tubes and pictures need of the strands besides their points.
-struct Strands {
+struct StrandLayout {
     offsets: Vec<usize>,
     bars: Vec<usize>,
     stitches: Vec<u32>,
     first_stitches: Vec<usize>,
 }
 
-impl Strands {
-    fn of(laid: &Laid) -> Self {
+impl StrandLayout {
+    fn of(laid: &LaidArrays) -> Self {
         let numbers = |values: &[i32]| values.iter().map(|&value| unsigned(value.into())).collect();
         Self {
             offsets: laid.offsets.iter().map(|&offset| unsigned(offset)).collect(),
@@ -156,10 +156,10 @@ impl Yarns {
         (fabric, shown): (fabric::Fabric, fabric::Fabric),
         settings: Settings,
         source: Source,
-        laid: Laid,
+        laid: LaidArrays,
     ) -> PyResult<Self> {
         let radii: Vec<_> = shown.thickness().iter().map(|share| share * shown.radius()).collect();
-        let strands = Strands::of(&laid);
+        let strands = StrandLayout::of(&laid);
         let radius = strands.bars.iter().map(|&bar| radii[bar]).collect();
         let counts = laid.first_stitches.windows(2).map(|pair| index64(pair[1] - pair[0]));
         let counts = counts.collect();

@@ -18,7 +18,7 @@ use warpknit::pipeline::{
 };
 use warpknit::render::environment::Environment;
 
-use super::args::{Chains, Drawing, Laying, Reading, Shared, Stage};
+use super::args::{Chains, DrawingArgs, Laying, Reading, Shared, StageArgs};
 use super::terminal::tell;
 use super::values::{FloatArg, RunIn, SwitchArg};
 
@@ -38,14 +38,14 @@ impl Laying {
     }
 }
 
-impl Drawing {
+impl DrawingArgs {
     /// Whether pictures show stitches that are copies of each other.
     pub(super) fn evenness(&self) -> Evenness {
         if self.regular { Evenness::Regular } else { Evenness::Uneven }
     }
 }
 
-impl Stage {
+impl StageArgs {
     /// The environment, read from its file.
     pub(super) fn environment(&self) -> Result<Option<Arc<Environment>>> {
         let turn = self.environment_turn.to_radians();
@@ -106,7 +106,7 @@ impl Shared {
 
     /// The settings of pictures, with angles in radians.
     fn picture(&self) -> PictureSettings {
-        let Drawing { renderer, spp, samples, lod, shape, regular: _, ref texture, turntable } =
+        let DrawingArgs { renderer, spp, samples, lod, shape, regular: _, ref texture, turntable } =
             self.drawing;
         PictureSettings {
             size: self.size,

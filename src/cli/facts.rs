@@ -1,6 +1,6 @@
 //! The facts that `warpknit inspect` prints about a garment, as JSON for scripts.
 //!
-//! In: a garment. Out: JSON text. The fields of [`Facts`] are its keys, in this order; scripts rely on
+//! In: a garment. Out: JSON text. The fields of [`GarmentFacts`] are its keys, in this order; scripts rely on
 //! them. Lengths are mm and stretches ratios of draped to flat length, as 5th, 50th and 95th
 //! percentile.
 
@@ -13,7 +13,7 @@ use warpknit::report::PanelReport;
 
 /// A garment as read.
 #[derive(Serialize)]
-struct Facts<'a> {
+struct GarmentFacts<'a> {
     warpknit: &'static str,
     garment: &'a str,
     triangles: usize,
@@ -85,7 +85,7 @@ pub(super) fn facts(name: &str, garment: &Garment) -> serde_json::Result<String>
     let between = found.between.iter().map(|(pair, mm2)| (pair.to_vec(), *mm2));
     let within = found.within.iter().map(|(panel, mm2)| (vec![*panel], *mm2));
     let reports = PanelReport::of_all(garment).into_iter().zip(&garment.panels);
-    let facts = Facts {
+    let facts = GarmentFacts {
         warpknit: env!("CARGO_PKG_VERSION"),
         garment: name,
         triangles: summary.triangles,

@@ -12,7 +12,7 @@ use warpknit::export::material::UtcTime;
 use warpknit::folder::fabric_maps::save;
 use warpknit::pipeline::{Clock, Densities, Listener as _, Task, fabric_maps};
 
-use super::args::Maps;
+use super::args::TileArgs;
 use super::choice::fabric_of;
 use super::terminal::{Terminal, print, tell};
 
@@ -21,8 +21,8 @@ use super::terminal::{Terminal, print, tell};
 const FIXED_TIME: &str = "SOURCE_DATE_EPOCH";
 
 /// Draws a fabric into a folder of maps.
-pub(crate) fn tile(arguments: &Maps) -> Result<()> {
-    let Maps { fabric: asked, output, dpi, chains, running, .. } = arguments;
+pub(crate) fn tile(arguments: &TileArgs) -> Result<()> {
+    let TileArgs { fabric: asked, output, dpi, chains, running, .. } = arguments;
     let terminal = Terminal::begin_command(running)?;
     let mut clock = Clock::start(&terminal);
     // Wrong paths and times end the command here, before the work.

@@ -11,7 +11,7 @@ use warpknit::folder::yarn_maps::{FILES, save};
 use warpknit::photo::yarn::develop::{Developed, PixelScale, Step, YarnPhotoSettings, develop};
 use warpknit::photo::yarn::{read_maps, read_photo};
 
-use super::args::Yarn;
+use super::args::YarnArgs;
 use super::contact::{self, SWATCH_YARN_WIDTH};
 use super::terminal::{Terminal, print, tell};
 use warpknit::pipeline::{Listener as _, Task};
@@ -24,7 +24,7 @@ const OTHER_FILES: usize = 2;
 const STEPS_SHARE: f32 = 0.6;
 
 /// Develops a photo into a folder of maps.
-pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
+pub(crate) fn yarn(arguments: &YarnArgs) -> Result<()> {
     let terminal = Terminal::begin_command(&arguments.running)?;
     terminal.begin(Task::Read, 0.0);
     // Wrong paths end the command here, before the work.
@@ -69,7 +69,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     print(&report(&yarn))
 }
 
-impl Yarn {
+impl YarnArgs {
     /// The library's settings. --dpi and --yarn-width-mm exclude each other.
     fn settings(&self) -> YarnPhotoSettings {
         let scale = match (self.dpi, self.yarn_width_mm) {
@@ -83,7 +83,7 @@ impl Yarn {
 }
 
 /// Refuses an output folder in which a file would overwrite the photo.
-fn check_names(arguments: &Yarn) -> Result<()> {
+fn check_names(arguments: &YarnArgs) -> Result<()> {
     let photo = arguments.photo.canonicalize().ok();
     for file in FILES {
         let target = arguments.output.join(file);

@@ -68,7 +68,7 @@ fn enlarged(job: &Job<'_>, is_one_of_two: bool, setup: &Setup) -> String {
     let times = job.shown.enlargement / job.fabric.enlargement;
     let (is_single, have) = subject(job, ["has", "have"]);
     let files = files(job, setup);
-    let full = |file: &File| file.bytes * all / planned;
+    let full = |file: &EstimatedFile| file.bytes * all / planned;
     let (opens, sizes) = match (listed(&files, |file| file.bytes), listed(&files, full)) {
         (Some(now), Some(then)) => {
             let it = if is_single { "it" } else { "them" };
@@ -134,27 +134,27 @@ fn chosen(job: &Job<'_>, drawn: Option<&Drawn<'_>>, setup: &Setup) -> Option<Str
 }
 
 /// A file whose size is estimated.
-struct File {
+struct EstimatedFile {
     name: String,
     format: Format,
     bytes: f64,
 }
 
 /// The files of a job whose sizes can be estimated.
-fn files(job: &Job<'_>, setup: &Setup) -> Vec<File> {
+fn files(job: &Job<'_>, setup: &Setup) -> Vec<EstimatedFile> {
     // Files of fibres have limits of their own.
     if setup.fibres.as_ref().and_then(Fibres::in_files).is_some() {
         return Vec::new();
     }
     let file = |(path, format): &(std::path::PathBuf, Format)| {
         let bytes = file_bytes(*format, job.filed(), job.shown, &setup.section, job.settings)?;
-        Some(File { name: path.display().to_string(), format: *format, bytes })
+        Some(EstimatedFile { name: path.display().to_string(), format: *format, bytes })
     };
     job.outputs.iter().filter_map(file).collect()
 }
 
 /// The sizes of files in a line: the size alone of a single one. `None` without files.
-fn listed(files: &[File], size: impl Fn(&File) -> f64) -> Option<String> {
+fn listed(files: &[EstimatedFile], size: impl Fn(&EstimatedFile) -> f64) -> Option<String> {
     match files {
         [] => None,
         [only] => Some(size_text(size(only))),

@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use std::io::{self, Seek, Write};
 
 use super::crate_ints::{block, numbers_block};
-use super::crate_spec::{INLINED, Kind, Spec, SpecKind, Value, Word};
+use super::crate_spec::{CrateType, INLINED, Spec, SpecKind, Value, Word};
 use super::patched_header::PatchedHeader;
 use super::{Destination, ExportError};
 use warpknit_core::ids::index32;
@@ -168,7 +168,7 @@ impl<W: Write + Seek> CrateFile<W> {
     /// Ends the array at that place.
     pub(super) fn end_array(
         &mut self,
-        kind: Kind,
+        kind: CrateType,
         at: u64,
         count: u64,
     ) -> Result<Word, ExportError> {
@@ -177,11 +177,11 @@ impl<W: Write + Seek> CrateFile<W> {
     }
 
     /// Writes a short array of floats or of vectors.
-    pub(super) fn floats(&mut self, kind: Kind, floats: &[f32]) -> Result<Word, ExportError> {
+    pub(super) fn floats(&mut self, kind: CrateType, floats: &[f32]) -> Result<Word, ExportError> {
         let at = self.align()?;
         let width = match kind {
-            Kind::Vec3f => 3,
-            Kind::Vec2f => 2,
+            CrateType::Vec3f => 3,
+            CrateType::Vec2f => 2,
             _ => 1,
         };
         self.write(&((floats.len() / width) as u64).to_le_bytes())?;
@@ -224,7 +224,7 @@ impl<W: Write + Seek> CrateFile<W> {
             let children = spec.children.iter().filter(|c| c.is_property() == of_properties);
             let names: Vec<_> = children.map(|child| tables.token(&child.name)).collect();
             if !names.is_empty() {
-                let word = self.indices(Kind::TokenVector, None, &names)?;
+                let word = self.indices(CrateType::TokenVector, None, &names)?;
                 fields.push((tables.token(name), word));
             }
         }
@@ -235,7 +235,7 @@ impl<W: Write + Seek> CrateFile<W> {
     /// A count and indices, behind a byte if there is one.
     fn indices(
         &mut self,
-        kind: Kind,
+        kind: CrateType,
         first: Option<u8>,
         indices: &[u32],
     ) -> Result<Word, ExportError> {
@@ -257,27 +257,29 @@ impl<W: Write + Seek> CrateFile<W> {
             Value::Double(number) => {
                 let at = self.length;
                 self.write(&number.to_le_bytes())?;
-                Word::new(Kind::Double, at, 0)
+                Word::new(CrateType::Double, at, 0)
             }
-            Value::Float(number) => Word::new(Kind::Float, number.to_bits().into(), INLINED),
-            Value::Int(number) => Word::new(Kind::Int, number.cast_unsigned().into(), INLINED),
+            Value::Float(number) => Word::new(CrateType::Float, number.to_bits().into(), INLINED),
+            Value::Int(number) => Word::new(CrateType::Int, number.cast_unsigned().into(), INLINED),
             Value::Vec3f(numbers) => {
                 let at = self.length;
                 self.write(bytemuck::cast_slice(numbers))?;
-                Word::new(Kind::Vec3f, at, 0)
+                Word::new(CrateType::Vec3f, at, 0)
             }
-            Value::Token(text) => Word::new(Kind::Token, tables.token(text).into(), INLINED),
-            Value::String(text) => Word::new(Kind::String, tables.string(text).into(), INLINED),
+            Value::Token(text) => Word::new(CrateType::Token, tables.token(text).into(), INLINED),
+            Value::String(text) => {
+                Word::new(CrateType::String, tables.string(text).into(), INLINED)
+            }
             Value::Prepended(names) => {
                 let names: Vec<_> = names.iter().map(|name| tables.token(name)).collect();
-                self.indices(Kind::TokenListOp, Some(PREPENDED), &names)?
+                self.indices(CrateType::TokenListOp, Some(PREPENDED), &names)?
             }
             Value::Paths(paths) => {
                 let places: Vec<_> = paths.iter().map(|path| tables.paths[path]).collect();
-                self.indices(Kind::PathListOp, Some(EXPLICIT), &places)?
+                self.indices(CrateType::PathListOp, Some(EXPLICIT), &places)?
             }
-            Value::Defined => Word::new(Kind::Specifier, 0, INLINED),
-            Value::Uniform => Word::new(Kind::Variability, 1, INLINED),
+            Value::Defined => Word::new(CrateType::Specifier, 0, INLINED),
+            Value::Uniform => Word::new(CrateType::Variability, 1, INLINED),
         })
     }
 
@@ -289,11 +291,11 @@ impl<W: Write + Seek> CrateFile<W> {
         self.write(&count.to_le_bytes())?;
         samples.iter().try_for_each(|(time, _)| self.write(&time.to_le_bytes()))?;
         let at = self.length;
-        for word in [NEXT, Word::new(Kind::DoubleVector, times, 0).0, NEXT, count] {
+        for word in [NEXT, Word::new(CrateType::DoubleVector, times, 0).0, NEXT, count] {
             self.write(&word.to_le_bytes())?;
         }
         samples.iter().try_for_each(|(_, word)| self.write(&word.0.to_le_bytes()))?;
-        Ok(Word::new(Kind::TimeSamples, at, 0))
+        Ok(Word::new(CrateType::TimeSamples, at, 0))
     }
 
     /// Writes all sections. Returns their names, places and sizes.

@@ -10,7 +10,7 @@ const CODED: u64 = 1 << 61;
 
 /// A type of values, by its number in the file.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Kind {
+pub(super) enum CrateType {
     Int = 3,
     Float = 8,
     Double = 9,
@@ -32,12 +32,12 @@ pub(super) enum Kind {
 pub(super) struct Word(pub(super) u64);
 
 impl Word {
-    pub(super) fn new(kind: Kind, payload: u64, marks: u64) -> Self {
+    pub(super) fn new(kind: CrateType, payload: u64, marks: u64) -> Self {
         Self(marks | (kind as u64) << 48 | payload)
     }
 
     /// An array of that kind at that place; `None` for an empty one.
-    pub(super) fn array(kind: Kind, at: Option<u64>, is_coded: bool) -> Self {
+    pub(super) fn array(kind: CrateType, at: Option<u64>, is_coded: bool) -> Self {
         Self::new(kind, at.unwrap_or(0), if is_coded { ARRAY | CODED } else { ARRAY })
     }
 }

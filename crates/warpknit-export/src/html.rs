@@ -19,7 +19,7 @@ use flate2::write::DeflateEncoder;
 use serde_json::json;
 
 use super::base64::Base64;
-use super::html_lines::{Grid, Lines};
+use super::html_lines::{CentreLines, PageGrid};
 use super::{ClothInfo, Destination, ExportError, Facts, Sink, StrandStyle};
 use warpknit_core::drape::Block;
 
@@ -46,7 +46,7 @@ pub struct HtmlWriter<W> {
     /// [`Facts::depth_of_yarns`], or of fibres, which lie in yarns nearly at random.
     optical_depth: f64,
     stitches: u64,
-    lines: Lines,
+    lines: CentreLines,
 }
 
 impl<W: Write + Seek + Send> HtmlWriter<W> {
@@ -66,7 +66,7 @@ impl<W: Write + Seek + Send> HtmlWriter<W> {
                 .filter(|_| cloth.bundles.is_empty())
                 .unwrap_or(1.0),
             stitches: 0,
-            lines: Lines::default(),
+            lines: CentreLines::default(),
         })
     }
 
@@ -85,7 +85,7 @@ impl<W: Write + Seek + Send> HtmlWriter<W> {
     }
 
     /// What the script needs to know besides the yarns' points.
-    fn cloth(&self, grid: &Grid) -> String {
+    fn cloth(&self, grid: &PageGrid) -> String {
         let bars = self.styles.iter().enumerate().map(|(bar, style)| {
             let own = self.facts.systems.get(bar);
             json!({
@@ -158,7 +158,7 @@ impl<W: Write + Seek + Send> Sink<W> for HtmlWriter<W> {
 }
 
 /// The yarns' points, deflated, as text.
-fn write_data(lines: &Lines, grid: &Grid, target: &mut impl Write) -> io::Result<()> {
+fn write_data(lines: &CentreLines, grid: &PageGrid, target: &mut impl Write) -> io::Result<()> {
     let mut encoder = DeflateEncoder::new(Base64::new(target), Compression::best());
     lines.write(grid, &mut encoder)?;
     encoder.finish()?.finish().map(drop)

@@ -1,6 +1,6 @@
 //! The yarns of a page: quantised centre lines, and how they lie in the page's data.
 //!
-//! In: blocks of draped yarns. Out: a [`Grid`] and bytes. A page draws a yarn as the curve of
+//! In: blocks of draped yarns. Out: a [`PageGrid`] and bytes. A page draws a yarn as the curve of
 //! [`warpknit_core::yarn::curve`] through its data points, so these are all that it needs: 8 a
 //! stitch of a warp knit and 16 of a weft knit.
 //!
@@ -37,7 +37,7 @@ const CUBES_PER_RADIUS: f32 = 64.0;
 
 /// Centre lines, strand after strand.
 #[derive(Debug, Default)]
-pub(super) struct Lines {
+pub(super) struct CentreLines {
     /// mm, from the garment's origin.
     points: Vec<Vec3>,
     /// Depth in the flat cloth, mm.
@@ -51,7 +51,7 @@ pub(super) struct Lines {
 
 /// The grid on which coordinates lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Grid {
+pub(super) struct PageGrid {
     /// Its lowest corner, mm.
     pub(super) low: Vec3,
     /// Length of its cubes, mm.
@@ -60,7 +60,7 @@ pub(super) struct Grid {
     pub(super) heights: [f32; 2],
 }
 
-impl Lines {
+impl CentreLines {
     /// Number of points.
     pub(super) fn points(&self) -> usize {
         self.points.len()
@@ -102,7 +102,7 @@ impl Lines {
     }
 
     /// The grid that holds all points, where the thinnest yarn has that radius.
-    pub(super) fn grid(&self, radius: f32) -> Grid {
+    pub(super) fn grid(&self, radius: f32) -> PageGrid {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for point in &self.points {
             (low, high) = (low.min(*point), high.max(*point));
@@ -117,11 +117,11 @@ impl Lines {
         let heights = if back < face { [back, face] } else { [-radius, radius] };
         let step =
             ((high - low).max_element() / f32::from(u16::MAX)).max(radius / CUBES_PER_RADIUS);
-        Grid { low, step, heights }
+        PageGrid { low, step, heights }
     }
 
     /// Writes the data on that grid.
-    pub(super) fn write(&self, grid: &Grid, target: &mut impl Write) -> io::Result<()> {
+    pub(super) fn write(&self, grid: &PageGrid, target: &mut impl Write) -> io::Result<()> {
         for count in &self.strands {
             target.write_all(&count.to_le_bytes())?;
         }
@@ -152,7 +152,7 @@ impl Lines {
     }
 }
 
-impl Grid {
+impl PageGrid {
     /// The nearest place of a coordinate.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     fn place(&self, coordinate: f32, axis: usize) -> u16 {

@@ -34,7 +34,7 @@ const CUT_KIND: u8 = u8::MAX;
 
 /// An array with a row a point or a strand.
 #[derive(Clone, Copy, Debug)]
-enum Array {
+enum NpzArray {
     Flat,
     Draped,
     Normal,
@@ -71,20 +71,20 @@ impl NpzOptions {
 }
 
 /// Each array's name, numpy's name of its type, and numbers in a row.
-const ARRAYS: [(Array, &str, &str, usize); 13] = [
-    (Array::Flat, "flat", "<f8", 3),
-    (Array::Draped, "draped", "<f8", 3),
-    (Array::Normal, "normal", "<f8", 3),
-    (Array::Triangle, "triangle", "<u4", 1),
-    (Array::Weights, "weights", "<f8", 3),
-    (Array::Course, "course", "<i4", 1),
-    (Array::Wale, "wale", "<i4", 1),
-    (Array::Kind, "kind", "|u1", 1),
-    (Array::Point, "point", "<u2", 1),
-    (Array::Length, "length", "<u4", 1),
-    (Array::Yarn, "yarn", "<u4", 1),
-    (Array::Panel, "panel", "<u4", 1),
-    (Array::Bar, "bar", "<u4", 1),
+const ARRAYS: [(NpzArray, &str, &str, usize); 13] = [
+    (NpzArray::Flat, "flat", "<f8", 3),
+    (NpzArray::Draped, "draped", "<f8", 3),
+    (NpzArray::Normal, "normal", "<f8", 3),
+    (NpzArray::Triangle, "triangle", "<u4", 1),
+    (NpzArray::Weights, "weights", "<f8", 3),
+    (NpzArray::Course, "course", "<i4", 1),
+    (NpzArray::Wale, "wale", "<i4", 1),
+    (NpzArray::Kind, "kind", "|u1", 1),
+    (NpzArray::Point, "point", "<u2", 1),
+    (NpzArray::Length, "length", "<u4", 1),
+    (NpzArray::Yarn, "yarn", "<u4", 1),
+    (NpzArray::Panel, "panel", "<u4", 1),
+    (NpzArray::Bar, "bar", "<u4", 1),
 ];
 
 /// Writes arrays for numpy.
@@ -214,7 +214,7 @@ fn begin_array(
     archive.write_all(header)
 }
 
-impl Array {
+impl NpzArray {
     /// Appends a block's rows.
     fn add(self, block: &Block, panel: &Panel, options: NpzOptions, bytes: &mut Buffer) {
         let strands = &block.strands;

@@ -15,7 +15,7 @@ use glam::Vec3;
 use super::buffer::{Buffer, Conveyor};
 use super::crate_file::CrateFile;
 use super::crate_ints::WaitingNumbers;
-use super::crate_spec::{Kind, Spec, Value, Word};
+use super::crate_spec::{CrateType, Spec, Value, Word};
 use super::spool::Spool;
 use super::usd_stage::{
     Array, EMPTY, MATERIAL_SCHEMAS, UsdCurves, blocks_by_prim, course_and_wale, each_span,
@@ -38,15 +38,15 @@ pub struct UsdcWriter<W> {
     frames_per_second: Option<f64>,
     /// Time codes of the frames so far; none where nothing moves.
     codes: Vec<u32>,
-    prims: Vec<Prim>,
+    prims: Vec<WrittenPrim>,
     current: Option<Current>,
-    waiting: Waiting,
+    waiting: WaitingArrays,
     conveyor: Conveyor,
 }
 
 /// A prim, as far as it is written.
 #[derive(Debug)]
-struct Prim {
+struct WrittenPrim {
     panel: usize,
     bar: usize,
     /// Points and box of each frame.
@@ -69,7 +69,7 @@ struct Current {
 
 /// The arrays of a prim that wait for its points to end.
 #[derive(Debug)]
-struct Waiting {
+struct WaitingArrays {
     numbers: [(Array, WaitingNumbers); 4],
     /// Lengths along the yarn of Bézier curves, the rest shape of lines; with how many there are.
     vectors: Spool,
@@ -95,7 +95,7 @@ impl<W: Write + Seek + Send> UsdcWriter<W> {
     /// # Errors
     /// [`ExportError::Io`].
     pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
-        let waiting = Waiting::create(&target)?;
+        let waiting = WaitingArrays::create(&target)?;
         Ok(Self {
             file: CrateFile::create(target)?,
             styles: cloth.strands.clone(),
@@ -169,7 +169,7 @@ impl<W: Write + Seek + Send> UsdcWriter<W> {
         self.end_prim()?;
         let place = place.unwrap_or(self.prims.len());
         if place == self.prims.len() {
-            self.prims.push(Prim { panel, bar, frames: Vec::new(), arrays: Vec::new() });
+            self.prims.push(WrittenPrim { panel, bar, frames: Vec::new(), arrays: Vec::new() });
         }
         let points_at = self.file.begin_array()?;
         self.current =
@@ -183,9 +183,9 @@ impl<W: Write + Seek + Send> UsdcWriter<W> {
         let is_first = self.is_first();
         let Self { file, prims, waiting, styles, curves, .. } = self;
         let prim = &mut prims[current.place];
-        let points = file.end_array(Kind::Vec3f, current.points_at, current.points)?;
+        let points = file.end_array(CrateType::Vec3f, current.points_at, current.points)?;
         let extent = widened(current.extent, &styles[prim.bar], *curves);
-        prim.frames.push([points, file.floats(Kind::Vec3f, &extent)?]);
+        prim.frames.push([points, file.floats(CrateType::Vec3f, &extent)?]);
         if is_first {
             prim.arrays = waiting.drain(file, *curves, current.is_at_rest)?;
         }
@@ -216,13 +216,13 @@ impl<W: Write + Seek + Send> UsdcWriter<W> {
     }
 
     /// A prim of curves.
-    fn curves_prim(&mut self, prim: &Prim) -> Result<Spec, ExportError> {
+    fn curves_prim(&mut self, prim: &WrittenPrim) -> Result<Spec, ExportError> {
         let Self { file, styles, curves, .. } = self;
         let (style, number) = (&styles[prim.bar], index32(prim.bar) + 1);
         let look = format!("/cloth/looks/bar_{number}");
         let width = width(style, *curves);
-        let widths = Value::Array(file.floats(Kind::Float, &[width])?);
-        let color = Value::Array(file.floats(Kind::Vec3f, &style.color.linear())?);
+        let widths = Value::Array(file.floats(CrateType::Float, &[width])?);
+        let color = Value::Array(file.floats(CrateType::Vec3f, &style.color.linear())?);
         let mut children = vec![Spec::relationship("material:binding", look.clone())];
         match curves {
             UsdCurves::Bezier => {
@@ -284,7 +284,7 @@ impl<W: Write + Seek + Send> Sink<W> for UsdcWriter<W> {
     }
 }
 
-impl Waiting {
+impl WaitingArrays {
     fn create<W>(target: &Destination<W>) -> Result<Self, ExportError> {
         let numbers = |array, common| {
             let coder = WaitingNumbers::new(common, target.spool()?, target.spool()?);
@@ -327,7 +327,7 @@ impl Waiting {
         for (array, numbers) in &mut self.numbers {
             let at = file.align()?;
             let is_coded = file.write_with(|file| numbers.drain(file))?;
-            written.push((*array, Word::array(Kind::Int, Some(at), is_coded)));
+            written.push((*array, Word::array(CrateType::Int, Some(at), is_coded)));
         }
         let (array, kind, _) = vector(curves);
         if array == Array::Rest && is_at_rest {
@@ -346,10 +346,10 @@ impl Waiting {
 }
 
 /// The array of vectors beside the points, with its kind and the bytes of a vector.
-fn vector(curves: UsdCurves) -> (Array, Kind, usize) {
+fn vector(curves: UsdCurves) -> (Array, CrateType, usize) {
     match curves {
-        UsdCurves::Bezier => (Array::Lengths, Kind::Vec2f, size_of::<[f32; 2]>()),
-        UsdCurves::Linear => (Array::Rest, Kind::Vec3f, size_of::<Vec3>()),
+        UsdCurves::Bezier => (Array::Lengths, CrateType::Vec2f, size_of::<[f32; 2]>()),
+        UsdCurves::Linear => (Array::Rest, CrateType::Vec3f, size_of::<Vec3>()),
     }
 }
 

@@ -18,10 +18,10 @@ use warpknit::tile::Tile;
 
 pub(crate) use bench::{Bench, BenchFormat, Subject};
 pub(crate) use cloth::{Chains, Laying, Reading};
-pub(crate) use photos::{Capture, CaptureAs, Yarn};
-pub(crate) use pictures::{Drawing, Stage};
+pub(crate) use photos::{Capture, CaptureAs, YarnArgs};
+pub(crate) use pictures::{DrawingArgs, StageArgs};
 pub(crate) use shared::Shared;
-pub(crate) use tile::Maps;
+pub(crate) use tile::TileArgs;
 
 use super::config::{self, Trouble};
 #[cfg(feature = "view")]
@@ -160,7 +160,7 @@ Examples:
   warpknit tile --fabric hex-net-5 --dpi 1200 -o net
   warpknit tile --lapping 3-4/1-0// --lapping 1-0/1-2// -o satin
   warpknit tile --fabric linen/fabric.toml -o linen-maps")]
-    Tile(Maps),
+    Tile(TileArgs),
     /// Turn a photo of a straight yarn on a plain ground into maps that tile
     #[command(
         after_help = "The folder is for --texture: base_color.png, height.png, normal.png, roughness.png, metallic.png, ao.png and yarn.toml.
@@ -171,7 +171,7 @@ Examples:
   warpknit yarn scan.png --dpi 2400 --crop 200,0,3000,800 -v -o my-yarn
   warpknit swatch --fabric jersey --shape ribbon --texture my-yarn -o swatch.png"
     )]
-    Yarn(Yarn),
+    Yarn(YarnArgs),
     /// Turn a photo of a cloth into a fabric of its yarns and fibres
     #[command(after_help = "Files in the folder:
   cell.png      the repeating cell, as the mean of all its copies
@@ -239,9 +239,9 @@ pub(crate) struct Drape {
     #[command(flatten)]
     pub(crate) motion: MotionArgs,
     #[command(flatten)]
-    pub(crate) part: Part,
+    pub(crate) part: PartArgs,
     #[command(flatten)]
-    pub(crate) stage: Stage,
+    pub(crate) stage: StageArgs,
     /// The body in the cloth, a mesh in the draped axes: it hides yarns and casts shadows. A pattern
     /// or a folder gives each frame of a sequence its own
     #[arg(long, value_name = "MESH", conflicts_with = "body_cloth")]
@@ -276,9 +276,9 @@ pub(crate) struct Swatch {
     #[arg(long, value_name = "X[,Y|free]", value_parser = stretch, allow_hyphen_values = true)]
     pub(crate) stretch: Option<Stretch>,
     #[command(flatten)]
-    pub(crate) part: Part,
+    pub(crate) part: PartArgs,
     #[command(flatten)]
-    pub(crate) stage: Stage,
+    pub(crate) stage: StageArgs,
     #[command(flatten)]
     pub(crate) shared: Shared,
 }
@@ -366,7 +366,7 @@ pub(crate) struct Man {
 
 /// The part of a run's outputs that is made.
 #[derive(Args, Debug)]
-pub(crate) struct Part {
+pub(crate) struct PartArgs {
     /// Make the I-th of N parts, for N machines: files get a part of the yarns, and pictures a
     /// band of rows; together the parts are the whole
     #[arg(long, value_name = "I/N", allow_hyphen_values = true)]

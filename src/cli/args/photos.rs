@@ -9,7 +9,7 @@ use super::Running;
 use crate::cli::values::{brightness, contrast, positive, rectangle, two_vectors};
 
 #[derive(Args, Debug)]
-pub(crate) struct Yarn {
+pub(crate) struct YarnArgs {
     /// A photo, .png or .jpg: one straight yarn on a plain ground, with ground on both sides
     #[arg(value_name = "PHOTO")]
     pub(crate) photo: PathBuf,

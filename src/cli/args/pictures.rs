@@ -8,7 +8,7 @@ use crate::cli::values::{RendererArg, ShapeArg, SwitchArg, finite, samples};
 
 /// Where the cloth of a picture stands.
 #[derive(Args, Clone, Debug)]
-pub(crate) struct Stage {
+pub(crate) struct StageArgs {
     /// Stand the cloth in a studio, on a floor that turns up into a wall [default: on for garments
     /// without --background and --environment]
     #[arg(long, value_enum, value_name = "on|off", num_args = 0..=1, default_missing_value = "on")]
@@ -24,7 +24,7 @@ pub(crate) struct Stage {
 
 /// How pictures are drawn.
 #[derive(Args, Debug)]
-pub(crate) struct Drawing {
+pub(crate) struct DrawingArgs {
     /// The renderer: auto uses the graphics processor, or the CPU if there is none
     #[arg(long, value_enum, default_value = "auto")]
     pub(crate) renderer: RendererArg,

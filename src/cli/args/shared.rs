@@ -8,7 +8,7 @@ use warpknit::export::Format;
 use warpknit::render::Background;
 use warpknit::yarn::fibres::FIBRE_RADIUS;
 
-use super::{Chains, DEFAULT_FABRIC, Drawing, Running};
+use super::{Chains, DEFAULT_FABRIC, DrawingArgs, Running};
 use crate::cli::values::{
     FileUnitArg, FloatArg, InpArg, NodesArg, PrecisionArg, SwitchArg, UpArg, UsdCurvesArg, ViewArg,
     field_of_view, flattening, output, positive, size, sun, vector,
@@ -115,7 +115,7 @@ pub(crate) struct Shared {
     #[arg(long, value_name = "AZ,EL", value_parser = sun, allow_hyphen_values = true)]
     pub(crate) sun: Option<DVec3>,
     #[command(flatten)]
-    pub(crate) drawing: Drawing,
+    pub(crate) drawing: DrawingArgs,
     #[command(flatten)]
     pub(crate) running: Running,
 }

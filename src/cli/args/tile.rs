@@ -8,7 +8,7 @@ use super::{Chains, DEFAULT_FABRIC, Running};
 use crate::cli::values::positive;
 
 #[derive(Args, Debug)]
-pub(crate) struct Maps {
+pub(crate) struct TileArgs {
     /// A built-in fabric or a fabric file, such as that of a captured cloth
     #[arg(long, value_name = "NAME|FILE.toml", default_value = DEFAULT_FABRIC)]
     pub(crate) fabric: String,

@@ -76,7 +76,7 @@ fn csv_field(text: &str) -> String {
 pub(super) fn markdown(tables: &[Table]) -> String {
     let mut text = String::new();
     for table in tables {
-        let shown = Shown::of(table);
+        let shown = ShownTable::of(table);
         text += &format!("## {}\n\n", table.title);
         table.notes.iter().for_each(|note| text += &format!("- {note}\n"));
         text += &format!("- {}\n\n", made_by());
@@ -100,7 +100,7 @@ pub(super) fn markdown(tables: &[Table]) -> String {
 pub(super) fn latex(tables: &[Table]) -> String {
     let mut text = format!("% {}\n% \\usepackage{{booktabs}}\n", made_by());
     for table in tables {
-        let shown = Shown::of(table);
+        let shown = ShownTable::of(table);
         let line = |cells: &[String]| {
             let cells: Vec<_> = cells.iter().map(|cell| latex_text(cell)).collect();
             format!("{} \\\\\n", cells.join(" & "))
@@ -137,13 +137,13 @@ fn latex_text(text: &str) -> String {
 }
 
 /// What a table shows: headings and rows as text, and the runs of each row behind its labels.
-struct Shown {
+struct ShownTable {
     headings: Vec<String>,
     rows: Vec<Vec<String>>,
     samples: Vec<String>,
 }
 
-impl Shown {
+impl ShownTable {
     fn of(table: &Table) -> Self {
         let (columns, rows) = table.cells();
         let shown = || (0..columns.len()).filter(|&at| !columns[at].1.is_empty());

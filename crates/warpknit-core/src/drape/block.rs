@@ -8,7 +8,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 
 use super::DrapeOptions;
-use super::body::Body;
+use super::body::DrapedGarment;
 use super::cloth::{BlockPlan, Cloth};
 use super::evenness::{self, Evenness};
 use super::strands::{CUT, Edge, Strand, Strands};
@@ -80,7 +80,7 @@ impl Block {
         cloth: &Cloth<'_>,
         plan: &BlockPlan,
         locator: &Locator<'_>,
-        body: &Body<'_>,
+        body: &DrapedGarment<'_>,
         options: &DrapeOptions,
     ) {
         self.knit(cloth, plan, options.evenness);
@@ -157,7 +157,7 @@ impl Block {
     }
 
     /// Maps the strands' points to the draped panel.
-    pub(super) fn map(&mut self, body: &Body<'_>) {
+    pub(super) fn map(&mut self, body: &DrapedGarment<'_>) {
         let Self { strands, knitted, draped, .. } = self;
         self.strain = body.map(self.panel, strands, knitted, draped);
     }

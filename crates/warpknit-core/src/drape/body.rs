@@ -1,7 +1,7 @@
 //! The draped garment as the target of a map.
 //!
 //! In: a [`Garment`], how yarns are mapped, and the table of strained repeats if there is one. Out: a
-//! [`Body`], which maps the strands of a block. What a whole panel has to give is made here, once a
+//! [`DrapedGarment`], which maps the strands of a block. What a whole panel has to give is made here, once a
 //! run or once a frame.
 
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ use crate::map::surface::SmoothSurface;
 use crate::map::{Draped, Mapping, map_into};
 
 /// A garment that yarns are mapped to.
-pub(super) struct Body<'a> {
+pub(super) struct DrapedGarment<'a> {
     garment: &'a Garment,
     mapping: Mapping,
     /// The table, and the smooth surface of each panel, for [`Mapping::Relaxed`].
@@ -24,7 +24,7 @@ pub(super) struct Body<'a> {
     spans: Option<RepeatSpans>,
 }
 
-impl<'a> Body<'a> {
+impl<'a> DrapedGarment<'a> {
     /// Prepares a garment, and solves the repeat for its strains. `progress` gets the share of them
     /// that is done.
     pub(super) fn new(

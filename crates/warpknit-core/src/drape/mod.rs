@@ -36,7 +36,7 @@ use crate::map::Mapping;
 use crate::map::relaxed::StrainCounts;
 use crate::yarn::tube::{Section, Tubes};
 pub use block::Block;
-use body::Body;
+use body::DrapedGarment;
 pub use cloth::{Cloth, LayoutError, MAX_SWEPT_STITCHES, swatch_panel};
 use evenness::Evenness;
 use strands::{Edge, Losses};
@@ -150,9 +150,10 @@ fn run_with<E>(
 ) -> Result<Totals, E> {
     announce(Stage::Strain, 0.0);
     let is_swept = cloth.is_swept(options);
-    let body = Body::new(cloth.garment, cloth.strain(), options.mapping, is_swept, &mut |done| {
-        announce(Stage::Strain, done);
-    });
+    let body =
+        DrapedGarment::new(cloth.garment, cloth.strain(), options.mapping, is_swept, &mut |done| {
+            announce(Stage::Strain, done);
+        });
     let (mut strain, mut spare) = (StrainCounts::default(), Vec::new());
     let mut totals = knit_and_locate(cloth, options, announce, &mut |blocks, announce, done| {
         strain += map_blocks(blocks, &body, &mut |stage| announce(stage, done));
@@ -212,7 +213,7 @@ fn knit_and_locate<E>(
 /// Maps located blocks to the draped garment. Blocks of a swept garment are those of a whole panel.
 fn map_blocks(
     blocks: &mut [Block],
-    body: &Body<'_>,
+    body: &DrapedGarment<'_>,
     announce: &mut dyn FnMut(Stage),
 ) -> StrainCounts {
     announce(Stage::Map);

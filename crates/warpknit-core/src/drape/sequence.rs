@@ -11,7 +11,7 @@
 
 use std::sync::Arc;
 
-use super::body::Body;
+use super::body::DrapedGarment;
 use super::{
     Announce, Block, Cloth, DrapeOptions, Stage, Totals, deliver_blocks, knit_and_locate,
     map_blocks, map_window,
@@ -91,7 +91,7 @@ impl LocatedCloth {
         let Self { blocks, thickness, strain: table, is_swept, spare, spare_tubes, .. } = self;
         announce(Stage::Strain, 0.0);
         let (mapping, is_swept) = (options.mapping, *is_swept);
-        let body = Body::new(garment, table.as_deref(), mapping, is_swept, &mut |done| {
+        let body = DrapedGarment::new(garment, table.as_deref(), mapping, is_swept, &mut |done| {
             announce(Stage::Strain, done);
         });
         let mut strain = StrainCounts::default();

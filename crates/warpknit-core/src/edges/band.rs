@@ -8,7 +8,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::rail::{Place, Rail, Sheet, Station};
+use super::rail::{Rail, Sheet, SheetPlace, Station};
 use crate::garment::Panel;
 use crate::ids::{FaceId, index32};
 use crate::number::{double, whole_f64};
@@ -38,7 +38,7 @@ pub(super) fn band(sheet: &Sheet<'_>, rail: &Rail, depths: &[f64], gap: f64) -> 
     let vertices: Vec<Vec<Option<Vertex>>> = columns
         .map(|(station, &depth)| column(sheet, rail.triangle, station, (depth, gap), rows))
         .collect();
-    let mut band = Band { panel: empty(sheet), numbers: Vec::new(), rows: rows + 1 };
+    let mut band = BandBuilder { panel: empty(sheet), numbers: Vec::new(), rows: rows + 1 };
     band.numbers.resize(vertices.len() * band.rows, None);
     for (column, sides) in vertices.windows(2).enumerate() {
         for row in 0..rows {
@@ -93,7 +93,7 @@ fn out_of_edge(
     sheet: &Sheet<'_>,
     triangle: u32,
     station: &Station,
-    edge: &Place,
+    edge: &SheetPlace,
     round: f64,
 ) -> Option<DVec3> {
     let inner = sheet.at(station.flat + station.inward * round, triangle)?;
@@ -117,7 +117,7 @@ fn empty(sheet: &Sheet<'_>) -> Panel {
 }
 
 /// A band that grows triangle by triangle.
-struct Band {
+struct BandBuilder {
     panel: Panel,
     /// The number of each vertex in the panel, once it is used.
     numbers: Vec<Option<u32>>,
@@ -125,7 +125,7 @@ struct Band {
     rows: usize,
 }
 
-impl Band {
+impl BandBuilder {
     /// Adds a triangle of vertices, each with its place among all, if it has area.
     fn add(&mut self, corners: [(usize, Vertex); 3]) {
         let [a, b, c] = corners.map(|(_, vertex)| vertex.uv);

@@ -64,7 +64,7 @@ pub(super) struct Run {
 pub(super) fn runs(panels: &[Panel], locators: &[Locator<'_>]) -> Vec<Vec<Run>> {
     let mut borders: Vec<_> =
         panels.iter().zip(locators).map(|(panel, locator)| loops(panel, locator)).collect();
-    let segments = Segments::new(panels, &borders);
+    let segments = BorderSegments::new(panels, &borders);
     for (number, border) in borders.iter_mut().enumerate() {
         for edge in border.iter_mut().flatten() {
             edge.is_sewn = segments.touch(&panels[number], number, edge.ends);
@@ -120,25 +120,25 @@ fn encloses_cloth(panel: &Panel, edges: &[BorderEdge]) -> bool {
 
 /// A segment of border.
 #[derive(Clone, Copy, Debug)]
-struct Segment {
+struct BorderSegment {
     panel: usize,
     flat: [DVec2; 2],
     draped: [DVec3; 2],
 }
 
 /// All segments, by the cells of space that they pass.
-struct Segments {
-    all: Vec<Segment>,
+struct BorderSegments {
+    all: Vec<BorderSegment>,
     side: f64,
     cells: HashMap<[i64; 3], Vec<u32>>,
 }
 
-impl Segments {
+impl BorderSegments {
     fn new(panels: &[Panel], borders: &[Vec<Vec<BorderEdge>>]) -> Self {
         let mut all = Vec::new();
         for (number, border) in borders.iter().enumerate() {
             let panel = &panels[number];
-            all.extend(border.iter().flatten().map(|edge| Segment {
+            all.extend(border.iter().flatten().map(|edge| BorderSegment {
                 panel: number,
                 flat: edge.ends.map(|vertex| panel.uv[vertex as usize]),
                 draped: edge.ends.map(|vertex| panel.draped[vertex as usize]),
@@ -176,7 +176,7 @@ impl Segments {
     }
 }
 
-impl Segment {
+impl BorderSegment {
     fn length(&self) -> f64 {
         self.draped[0].distance(self.draped[1])
     }

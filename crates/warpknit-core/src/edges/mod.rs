@@ -83,10 +83,12 @@ pub fn finished(garment: &Garment, sizes: &Sizes) -> Finished {
         .zip(&runs)
         .flat_map(|(sheet, runs)| runs.iter().map(move |run| (sheet, runs, run)))
         .collect();
-    let edges: Vec<_> =
-        all.par_iter().map(|(sheet, runs, run)| Edge::new(sheet, run, runs, sizes)).collect();
+    let edges: Vec<_> = all
+        .par_iter()
+        .map(|(sheet, runs, run)| FinishedEdge::new(sheet, run, runs, sizes))
+        .collect();
     let mut finished = Finished { garment: garment.clone(), threads: Vec::new() };
-    for Edge { band, threads } in edges {
+    for FinishedEdge { band, threads } in edges {
         finished.garment.panels.extend(band);
         finished.threads.extend(threads);
     }
@@ -95,14 +97,14 @@ pub fn finished(garment: &Garment, sizes: &Sizes) -> Finished {
 
 /// A finished edge.
 #[derive(Default)]
-struct Edge {
+struct FinishedEdge {
     /// The cloth that is turned in.
     band: Option<Panel>,
     threads: Vec<Thread>,
 }
 
 /// How an edge is finished.
-enum Finish {
+enum TurnedEdge {
     /// Turned in so deep and sewn.
     Hem(f64),
     /// Turned in as far as the panel goes.
@@ -111,14 +113,14 @@ enum Finish {
     Allowance(f64),
 }
 
-impl Edge {
+impl FinishedEdge {
     /// Finishes a run of a panel's border. `all` are all of the panel's.
     fn new(sheet: &Sheet<'_>, run: &Run, all: &[Run], sizes: &Sizes) -> Self {
         let rail = Rail::new(sheet, run, HEM, NARROW * HEM);
-        let finish = Finish::of(sheet, run, &rail, all);
+        let finish = TurnedEdge::of(sheet, run, &rail, all);
         let wanted = match finish {
-            Finish::Hem(depth) | Finish::Allowance(depth) => depth,
-            Finish::Doubled => f64::INFINITY,
+            TurnedEdge::Hem(depth) | TurnedEdge::Allowance(depth) => depth,
+            TurnedEdge::Doubled => f64::INFINITY,
         };
         if wanted < SHALLOWEST {
             return Self::default();
@@ -131,24 +133,24 @@ impl Edge {
         let (above, behind) =
             (sizes.face + sizes.thread / 2.0, -gap - sizes.face - sizes.thread / 2.0);
         let threads = match finish {
-            Finish::Hem(depth) => {
+            TurnedEdge::Hem(depth) => {
                 let rows = ROWS.map(|row| depth - row).map(|row| row.max(depth / 2.0));
                 let needles = rows
                     .iter()
                     .flat_map(|&row| thread::needle(sheet, &rail, row, [-sizes.back, above]));
                 needles.chain(thread::looper(sheet, &rail, rows, behind)).collect()
             }
-            Finish::Allowance(depth) => {
+            TurnedEdge::Allowance(depth) => {
                 let near = (depth - OVERLOCK).max(depth / 2.0);
                 thread::looper(sheet, &rail, [near, depth], behind)
             }
-            Finish::Doubled => Vec::new(),
+            TurnedEdge::Doubled => Vec::new(),
         };
         Self { band, threads }
     }
 }
 
-impl Finish {
+impl TurnedEdge {
     fn of(sheet: &Sheet<'_>, run: &Run, rail: &Rail, all: &[Run]) -> Self {
         let reach = rail.median_reach();
         let is_narrow = reach < NARROW * HEM;

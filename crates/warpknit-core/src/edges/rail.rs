@@ -40,7 +40,7 @@ pub(super) struct Sheet<'a> {
 
 /// A place of a draped panel.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct SheetPlace {
     /// mm.
     pub(super) draped: DVec3,
     /// Unit normal out of the technical face.
@@ -75,13 +75,13 @@ impl<'a> Sheet<'a> {
     }
 
     /// The place at flat coordinates, near the triangle `hint`. `None` off the panel.
-    pub(super) fn at(&self, flat: DVec2, hint: u32) -> Option<Place> {
+    pub(super) fn at(&self, flat: DVec2, hint: u32) -> Option<SheetPlace> {
         let at = self.locator.at(flat, hint)?;
         let patch = self.surface.patch(self.panel, at.triangle as usize);
         let frame = patch.part(part_of(at.b, at.c)).at([at.b], [at.c]);
         let [draped, normal] =
             [frame.place, frame.normal].map(|[x, y, z]| DVec3::new(x[0], y[0], z[0]));
-        (draped.is_finite() && normal.is_finite()).then_some(Place { draped, normal })
+        (draped.is_finite() && normal.is_finite()).then_some(SheetPlace { draped, normal })
     }
 }
 

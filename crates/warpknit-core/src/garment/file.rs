@@ -8,7 +8,7 @@ use std::io::{self, BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use super::error::GarmentError;
-use super::garmentcode::Pattern;
+use super::garmentcode::SewingPattern;
 use super::json::Json;
 use super::kind::Kind;
 use super::obj::{self, BUFFER, ObjMesh};
@@ -42,14 +42,14 @@ pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
 }
 
 /// The sewing pattern that a file holds, if it is one of GarmentCode. One from a pipe is not found.
-pub(super) fn pattern(path: &Path) -> Result<Option<Pattern>, GarmentError> {
+pub(super) fn pattern(path: &Path) -> Result<Option<SewingPattern>, GarmentError> {
     let mut input = open(path)?;
     if is_pipe(path) || Kind::of(input.fill_buf().unwrap_or_default()) != Kind::Json {
         return Ok(None);
     }
     // What is wrong with a JSON of another kind, its own reader says.
     let Ok(root) = Json::parse(&whole(input, path)?) else { return Ok(None) };
-    Pattern::of(&root).map_err(|what| GarmentError::Mesh { path: path.to_path_buf(), what })
+    SewingPattern::of(&root).map_err(|what| GarmentError::Mesh { path: path.to_path_buf(), what })
 }
 
 /// The frames that a file holds: a USD file whose mesh moves as `NAME@TIME` for each of its times, and

@@ -20,7 +20,7 @@ use super::file;
 use super::normals::{cross, normals};
 use super::obj::ObjMesh;
 use super::pair::{FlatSource, LARGEST, Pairs, two_files};
-use super::{Cloth, Garment, GarmentError, GarmentFiles, Panel, ReadOptions, Unit, winding};
+use super::{Garment, GarmentError, GarmentFiles, MendedPairs, Panel, ReadOptions, Unit, winding};
 use crate::ids::index32;
 
 /// Ratio of a frame's size to the first one's, above which (or below whose inverse) the frame is
@@ -66,7 +66,7 @@ impl Frames {
     ) -> Result<(Garment, Self), GarmentError> {
         let (garment, unit, files) = GarmentFiles::read(flat, first, options)?.garment(options)?;
         let GarmentFiles { path, flat, draped, pattern, cloth, .. } = files;
-        let Cloth { pairs, reversed, .. } = cloth;
+        let MendedPairs { pairs, reversed, .. } = cloth;
         let corners: Vec<_> =
             garment.panels.iter().map(|panel| corners(panel, &pairs, options.turn)).collect();
         let vertices = corners.iter().map(|corners| draped_vertices(corners, &pairs)).collect();

@@ -31,12 +31,12 @@ const UNITS_IN_METRE: f64 = 100.0;
 
 /// A sewing pattern.
 #[derive(Debug)]
-pub(super) struct Pattern {
+pub(super) struct SewingPattern {
     /// Names and sizes of the panels, mm, in the order of the mesh.
     panels: Vec<(String, DVec2)>,
 }
 
-impl Pattern {
+impl SewingPattern {
     /// The pattern of a JSON. `None` where it is another JSON, such as glTF.
     ///
     /// # Errors
@@ -256,8 +256,8 @@ mod tests {
         v 90 20 0\nvt 0 0\nvt 0.075 0\nvt 0.075 0.6\nvt 0 0.6\nvt 0.2 0\nvt 0.4 0\nvt 0.4 0.4\n\
         vt 0.2 0.4\nf 1/1 2/2 3/3 4/4\nf 5/5 6/6 7/7\nf 5/5 7/7 8/8\n";
 
-    fn pattern(text: &str) -> Result<Option<Pattern>, String> {
-        Pattern::of(&Json::parse(text.as_bytes()).unwrap())
+    fn pattern(text: &str) -> Result<Option<SewingPattern>, String> {
+        SewingPattern::of(&Json::parse(text.as_bytes()).unwrap())
     }
 
     fn mesh() -> ObjMesh {

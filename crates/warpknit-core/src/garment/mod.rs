@@ -223,11 +223,11 @@ struct GarmentFiles<'a> {
     pattern: FlatSource,
     /// Length of a unit of the flat pattern, mm, where a file says it.
     flat_unit_mm: Option<f64>,
-    cloth: Cloth,
+    cloth: MendedPairs,
 }
 
 /// The paired triangles, their winding mended, and their pieces.
-struct Cloth {
+struct MendedPairs {
     pairs: Pairs,
     vertices: Vertices,
     areas: Areas,
@@ -236,7 +236,7 @@ struct Cloth {
     pieces: Vec<Result<Piece, Refused>>,
 }
 
-impl Cloth {
+impl MendedPairs {
     fn new(mut pairs: Pairs) -> Self {
         let mut vertices = Vertices::new(&pairs);
         let reversed = winding::reversed(&pairs, &vertices);
@@ -274,13 +274,13 @@ impl<'a> GarmentFiles<'a> {
         draped: Option<(&Path, ObjMesh)>,
     ) -> Result<Self, GarmentError> {
         let Some((draped_path, draped_mesh)) = draped else {
-            let cloth = Cloth::new(pair::with_texture(&flat, path)?);
+            let cloth = MendedPairs::new(pair::with_texture(&flat, path)?);
             let pattern = FlatSource::Texture;
             return Ok(Self { path, flat, draped: None, pattern, flat_unit_mm: None, cloth });
         };
         let paths = [path, draped_path];
         let mut pattern = FlatSource::Positions;
-        let mut cloth = Cloth::new(pair::two_files(&flat, &draped_mesh, paths, pattern)?);
+        let mut cloth = MendedPairs::new(pair::two_files(&flat, &draped_mesh, paths, pattern)?);
         let leaves_plane = cloth
             .pieces
             .iter()
@@ -294,7 +294,7 @@ impl<'a> GarmentFiles<'a> {
                 "{} does not lie flat: its vt are taken for the flat pattern",
                 path.display()
             ));
-            cloth = Cloth::new(pairs);
+            cloth = MendedPairs::new(pairs);
         }
         Ok(Self { path, flat, draped: Some(draped_mesh), pattern, flat_unit_mm: None, cloth })
     }
@@ -311,7 +311,7 @@ impl<'a> GarmentFiles<'a> {
         let options = &ReadOptions { uv_scale, ..options.clone() };
         let mut summary = GarmentSummary::of_pairs(&mut self.cloth);
         let pieces = std::mem::take(&mut self.cloth.pieces);
-        let Cloth { pairs, vertices, areas, .. } = &self.cloth;
+        let MendedPairs { pairs, vertices, areas, .. } = &self.cloth;
         let said = self.draped.as_ref().unwrap_or(&self.flat).unit;
         let unit = choose_unit(pairs, options, said, &mut summary);
         let unit_mm = unit.millimetres();

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use super::pair::Pairs;
 use super::panel::{faces_down, flat_axes};
 use super::sets::Sets;
-use super::unit::Stretch;
+use super::unit::AreaRatio;
 use super::vertices::Vertices;
 use crate::ids::index32;
 
@@ -279,10 +279,10 @@ impl Piece {
     }
 
     /// Area ratios of its triangles: draped mm² over flat units².
-    pub(super) fn stretches(&self, areas: &Areas, unit_mm: f64) -> Vec<Stretch> {
+    pub(super) fn stretches(&self, areas: &Areas, unit_mm: f64) -> Vec<AreaRatio> {
         let stretch = |&i: &u32| {
             let weight = areas.flat(i).length();
-            Stretch { ratio: areas.draped(i) * unit_mm * unit_mm / weight, weight }
+            AreaRatio { ratio: areas.draped(i) * unit_mm * unit_mm / weight, weight }
         };
         self.triangles.iter().map(stretch).collect()
     }

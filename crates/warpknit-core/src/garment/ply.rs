@@ -34,7 +34,7 @@ enum Form {
 }
 
 /// What is left of the body.
-enum Body<'a> {
+enum PlyBody<'a> {
     Text(&'a [u8]),
     Binary(Cursor<'a>),
 }
@@ -46,9 +46,9 @@ enum Body<'a> {
 pub(super) fn parse(bytes: &[u8]) -> Result<ObjMesh, String> {
     let (form, elements, body) = header(bytes)?;
     let mut body = match form {
-        Form::Ascii => Body::Text(body),
-        Form::Little => Body::Binary(Cursor::new(body)),
-        Form::Big => Body::Binary(Cursor::big(body)),
+        Form::Ascii => PlyBody::Text(body),
+        Form::Little => PlyBody::Binary(Cursor::new(body)),
+        Form::Big => PlyBody::Binary(Cursor::big(body)),
     };
     let (mut places, mut texture) = (Vec::new(), Vec::new());
     let mut soup = Soup::default();
@@ -155,7 +155,7 @@ fn named(name: &str) -> Option<Number> {
     })
 }
 
-impl Body<'_> {
+impl PlyBody<'_> {
     /// Reads an element's properties: each a list, of one number where it is none.
     fn row(&mut self, element: &Element, row: &mut Vec<Vec<f64>>) -> Option<()> {
         row.clear();

@@ -11,7 +11,7 @@ use super::error::GarmentError;
 use super::obj::ObjMesh;
 use super::pair::triangle_faces;
 use super::pieces::{Piece, Refusal, Refused};
-use super::{Cloth, Panel};
+use super::{MendedPairs, Panel};
 
 /// Share of the draped area that may take no stitches without an error. A hole of that size is no
 /// small defect of a mesh: the file isn't what the user takes it for.
@@ -119,8 +119,8 @@ impl GarmentSummary {
     }
 
     /// The summary of pairing and of the winding.
-    pub(super) fn of_pairs(cloth: &mut Cloth) -> Self {
-        let Cloth { pairs, reversed, .. } = cloth;
+    pub(super) fn of_pairs(cloth: &mut MendedPairs) -> Self {
+        let MendedPairs { pairs, reversed, .. } = cloth;
         let mut summary = Self {
             triangles: pairs.total,
             untextured: pairs.untextured,
@@ -143,7 +143,7 @@ impl GarmentSummary {
     /// The pieces that can hold stitches. The others are counted, and a warning names them.
     pub(super) fn usable_pieces(
         &mut self,
-        cloth: &Cloth,
+        cloth: &MendedPairs,
         pieces: Vec<Result<Piece, Refused>>,
         flat: &Path,
         unit_mm: f64,

@@ -124,7 +124,7 @@ const PANEL_TOLERANCE: f64 = 0.05;
 
 /// The area ratio of one triangle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stretch {
+pub(super) struct AreaRatio {
     /// Draped area, mm², over flat area, flat units².
     pub(super) ratio: f64,
     /// Flat area, in any unit.
@@ -137,7 +137,7 @@ pub(super) struct Stretch {
 /// A median and not a mean, because a few strongly stretched or crumpled triangles must not change
 /// the unit. Where over half of the area has collapsed the median is 0, and the ratio of the total
 /// areas is used instead.
-pub(super) fn scale(stretches: &mut [Stretch]) -> f64 {
+pub(super) fn scale(stretches: &mut [AreaRatio]) -> f64 {
     let total: f64 = stretches.iter().map(|s| s.weight).sum();
     let mean: f64 = stretches.iter().map(|s| s.ratio * s.weight).sum::<f64>() / total;
     let median = weighted_median(stretches, 0.5 * total);
@@ -150,7 +150,7 @@ pub(super) fn scale(stretches: &mut [Stretch]) -> f64 {
 ///
 /// Method: quickselect (Hoare, Algorithm 65: Find, 1961) with the weights on either side of the
 /// pivot. Linear on average, where a sort of two million takes 0.3 s.
-fn weighted_median(mut stretches: &mut [Stretch], half: f64) -> f64 {
+fn weighted_median(mut stretches: &mut [AreaRatio], half: f64) -> f64 {
     let mut below = 0.0;
     while stretches.len() > 1 {
         let middle = (stretches.len() - 1) / 2;
@@ -217,11 +217,11 @@ mod tests {
 
     #[test]
     fn the_median_ignores_a_wild_triangle() {
-        let mut stretches = vec![Stretch { ratio: 4.0, weight: 1.0 }; 9];
-        stretches.push(Stretch { ratio: 1e9, weight: 1.0 });
+        let mut stretches = vec![AreaRatio { ratio: 4.0, weight: 1.0 }; 9];
+        stretches.push(AreaRatio { ratio: 1e9, weight: 1.0 });
         assert_eq!(scale(&mut stretches), 2.0);
         let mut collapsed =
-            [Stretch { ratio: 0.0, weight: 3.0 }, Stretch { ratio: 16.0, weight: 1.0 }];
+            [AreaRatio { ratio: 0.0, weight: 3.0 }, AreaRatio { ratio: 16.0, weight: 1.0 }];
         assert_eq!(scale(&mut collapsed), 2.0);
     }
 

@@ -53,7 +53,7 @@ impl Vertices {
     /// Numbers the vertices by their places. `first` is the first draped vertex of each flat one.
     fn by_place(pairs: &Pairs, first: &[u32]) -> Self {
         let same_place = pairs.same_place();
-        let mut others: HashMap<u32, Places> = HashMap::new();
+        let mut others: HashMap<u32, DrapedPlaces> = HashMap::new();
         let mut count = index32(pairs.flat.len());
         let mut vertex = |flat: u32, draped: u32| {
             let known = first[flat as usize];
@@ -85,14 +85,14 @@ const FEW: usize = 16;
 /// two; one of an image tiled over a mesh has thousands. Method: a list, and beyond [`FEW`]
 /// positions a cell list (uniform grid, hashed).
 #[derive(Debug, Default)]
-struct Places {
+struct DrapedPlaces {
     /// All positions, as long as they are few.
     few: Vec<(DVec3, u32)>,
     /// All positions, once they are many, by cell.
     cells: HashMap<[i64; 3], Vec<(DVec3, u32)>>,
 }
 
-impl Places {
+impl DrapedPlaces {
     /// The smallest number of a position at most `same_place` from `draped`.
     fn find(&self, draped: DVec3, same_place: f64) -> Option<u32> {
         let is_same = |&&(place, _): &&(DVec3, u32)| place.distance(draped) <= same_place;
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn many_places_are_found_as_few_are() {
-        let mut places = Places::default();
+        let mut places = DrapedPlaces::default();
         let mut all: Vec<(DVec3, u32)> = Vec::new();
         let mut state = 7_u64;
         let mut random = || {
@@ -169,7 +169,7 @@ mod tests {
         }
         assert!(all.len() > 10 * FEW && places.few.is_empty());
         // Nothing that has an extent.
-        let mut point = Places::default();
+        let mut point = DrapedPlaces::default();
         (0..40).for_each(|number| point.add(DVec3::ONE, number, 0.0));
         assert_eq!(point.find(DVec3::ONE, 0.0), Some(0));
     }

@@ -93,7 +93,7 @@ impl Clearance {
 
 /// A segment of a sampled path.
 #[derive(Clone, Copy, Debug)]
-struct PathSegment {
+struct SampledSegment {
     from: DVec3,
     to: DVec3,
     radius: f64,
@@ -102,7 +102,7 @@ struct PathSegment {
     strand: u32,
 }
 
-impl PathSegment {
+impl SampledSegment {
     fn middle(&self) -> DVec3 {
         self.from.midpoint(self.to)
     }
@@ -134,7 +134,7 @@ fn rounded_up(length: f64) -> f32 {
 /// Paths of yarn as segments, to be measured against each other.
 #[derive(Clone, Debug, Default)]
 pub struct SampledPaths {
-    segments: Vec<PathSegment>,
+    segments: Vec<SampledSegment>,
     strands: u32,
 }
 
@@ -155,7 +155,7 @@ impl SampledPaths {
             for step in 1..=SAMPLES {
                 let to = span.at(f64::from(step) / f64::from(SAMPLES));
                 let length = from.distance(to);
-                self.segments.push(PathSegment {
+                self.segments.push(SampledSegment {
                     from,
                     to,
                     radius,
@@ -181,7 +181,7 @@ impl SampledPaths {
         // around a segment hold all its partners.
         let mut hash = SpatialHash::default();
         hash.fill(
-            self.segments.iter().map(PathSegment::sphere),
+            self.segments.iter().map(SampledSegment::sphere),
             rounded_up(2.0 * CUTOFF * thickest + longest),
         );
         (0..self.segments.len())
@@ -357,7 +357,7 @@ mod tests {
 
     #[test]
     fn distances_in_closed_form() {
-        let segment = |from: (f64, f64, f64), to: (f64, f64, f64)| PathSegment {
+        let segment = |from: (f64, f64, f64), to: (f64, f64, f64)| SampledSegment {
             from: from.into(),
             to: to.into(),
             strand: 0,

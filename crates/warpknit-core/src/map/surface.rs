@@ -121,7 +121,7 @@ pub(crate) struct Patch {
 
 /// One part of a patch as a cubic polynomial.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Part<'a> {
+pub(crate) struct PatchPart<'a> {
     patch: &'a Patch,
     /// Its number.
     number: usize,
@@ -240,7 +240,7 @@ impl Patch {
 
     /// A part as a polynomial.
     #[inline]
-    pub(crate) fn part(&self, number: usize) -> Part<'_> {
+    pub(crate) fn part(&self, number: usize) -> PatchPart<'_> {
         let p = &self.parts[number];
         let cubic = [
             p[0],
@@ -258,11 +258,11 @@ impl Patch {
             self.gradients[(number + 2) % 3] - self.gradients[number],
             3.0 * self.gradients[number],
         ];
-        Part { patch: self, number, cubic, gradients }
+        PatchPart { patch: self, number, cubic, gradients }
     }
 }
 
-impl Part<'_> {
+impl PatchPart<'_> {
     /// The surface at places in this part, by barycentric coordinates of the triangle's second and
     /// third corner.
     #[inline]

@@ -1,6 +1,6 @@
 //! The frames of a tube's rings, four rings at a time.
 //!
-//! In: a [`Station`] for each ring. Out: [`Ring`]s.
+//! In: a [`RingStation`] for each ring. Out: [`Ring`]s.
 //!
 //! Method: the rotation-minimising frame of [`super::frame`], in a form in which only two numbers
 //! of a ring depend on the ring before. Each tangent has a pair of perpendicular vectors of its own
@@ -29,7 +29,7 @@ const NO_DIRECTION: f32 = 1e-12;
 
 /// What the frame of a ring is made of.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Station {
+pub(super) struct RingStation {
     /// The ring's middle, mm.
     pub(super) center: Vec3A,
     /// Vector from the ring before, mm. It has no meaning for a strand's first ring.
@@ -54,7 +54,7 @@ pub(super) struct Ring {
 
 /// Carries a frame along a strand.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frames {
+pub(super) struct FrameCarrier {
     /// Whether the section lies in the fabric's plane.
     is_flattened: bool,
     last: Option<Carried>,
@@ -72,7 +72,7 @@ struct Carried {
     length: f64,
 }
 
-impl Frames {
+impl FrameCarrier {
     /// Starts a strand.
     pub(super) fn new(is_flattened: bool) -> Self {
         Self { is_flattened, last: None }
@@ -80,7 +80,7 @@ impl Frames {
 
     /// The frames of the next rings.
     #[inline]
-    pub(super) fn next(&mut self, mut stations: [Station; LANES]) -> [Ring; LANES] {
+    pub(super) fn next(&mut self, mut stations: [RingStation; LANES]) -> [Ring; LANES] {
         let last = *self.last.get_or_insert_with(|| {
             // The first ring is carried from itself, which turns nothing.
             stations[0].chord = Vec3A::ZERO;
@@ -115,7 +115,7 @@ impl Frames {
 /// Rings from their frames' angles and the lengths of their chords.
 #[inline]
 fn rings(
-    stations: &[Station; LANES],
+    stations: &[RingStation; LANES],
     tangents: Vectors,
     pair: &[Vectors; 2],
     turns: [Vec2; LANES],
@@ -140,7 +140,7 @@ fn rings(
 
 impl Carried {
     /// The frame of a strand's first ring: its normal is nearest to the fabric's.
-    fn start(station: &Station) -> Self {
+    fn start(station: &RingStation) -> Self {
         let tangent = station.along.normalize_or(Vec3A::X);
         let pair = Vectors::new([tangent; LANES]).perpendicular_pairs();
         let turn = Turns::of(Vectors::new([station.up; LANES]), &pair).at(0);
@@ -214,7 +214,7 @@ mod tests {
 
     /// A curve that turns in all directions, stops now and then, and has chords straight across two
     /// equal tangents.
-    fn stations(count: usize) -> Vec<Station> {
+    fn stations(count: usize) -> Vec<RingStation> {
         let mut center = Vec3A::ZERO;
         let mut along = Vec3A::X;
         let mut stations = Vec::new();
@@ -226,7 +226,7 @@ mod tests {
                 _ => along * 0.1,
             };
             center += chord;
-            stations.push(Station { center, chord, along, up: Vec3A::Z });
+            stations.push(RingStation { center, chord, along, up: Vec3A::Z });
             if !matches!(step % 16, 6 | 10) {
                 along = Vec3A::new(angle.cos(), angle.sin(), 0.8 * (0.7 * angle).sin());
             }
@@ -234,8 +234,8 @@ mod tests {
         stations
     }
 
-    fn frames(stations: &[Station], is_flattened: bool) -> Vec<Ring> {
-        let mut frames = Frames::new(is_flattened);
+    fn frames(stations: &[RingStation], is_flattened: bool) -> Vec<Ring> {
+        let mut frames = FrameCarrier::new(is_flattened);
         let groups = stations.as_chunks::<LANES>().0;
         groups.iter().flat_map(|group| frames.next(*group)).collect()
     }
@@ -286,7 +286,7 @@ mod tests {
 
     #[test]
     fn a_strand_of_one_place_has_frames_too() {
-        let station = Station { up: Vec3A::X, ..Station::default() };
+        let station = RingStation { up: Vec3A::X, ..RingStation::default() };
         for ring in frames(&[station; 8], false) {
             assert!(ring.normal.is_normalized() && ring.tangent == Vec3A::X && ring.length == 0.0);
         }

@@ -21,7 +21,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
 use super::lanes::LANES;
-use super::rings::{Frames, Ring, Station};
+use super::rings::{FrameCarrier, Ring, RingStation};
 use super::steps::Steps;
 use super::walk::SpanCursor;
 use crate::ids::index32;
@@ -142,14 +142,14 @@ impl Tubes {
 struct Rings<'a> {
     tubes: &'a mut Tubes,
     section: &'a Section,
-    outline: Outline,
+    outline: SectionOutline,
     steps: Steps,
     cursor: SpanCursor<'a>,
     /// Vector from the last ring to the first point of the current span.
     to_span: Vec3A,
-    frames: Frames,
+    frames: FrameCarrier,
     /// Rings that wait until there are enough for a group, and their number.
-    waiting: [Station; LANES],
+    waiting: [RingStation; LANES],
     count: usize,
     first_vertex: u32,
     first: Option<Ring>,
@@ -157,7 +157,7 @@ struct Rings<'a> {
 }
 
 /// The data that all rings of a strand share. With it a ring needs no trigonometry.
-struct Outline {
+struct SectionOutline {
     /// Vertices of the section: mm along the ring's normal, and mm along its binormal. The first is
     /// repeated at the seam.
     vertices: Vec<Vec2>,
@@ -169,7 +169,7 @@ struct Outline {
     triangles: Vec<[u32; 3]>,
 }
 
-impl Outline {
+impl SectionOutline {
     fn new(section: &Section) -> Self {
         // The area of the ellipse is that of the circle: width times the root, height over it.
         let root = section.flatten.sqrt();
@@ -203,12 +203,12 @@ impl<'a> Rings<'a> {
         Self {
             tubes,
             section,
-            outline: Outline::new(section),
+            outline: SectionOutline::new(section),
             steps: Steps::default(),
             cursor: SpanCursor::new(points),
             to_span: Vec3A::ZERO,
-            frames: Frames::new(section.flatten != 1.0),
-            waiting: [Station::default(); LANES],
+            frames: FrameCarrier::new(section.flatten != 1.0),
+            waiting: [RingStation::default(); LANES],
             count: 0,
             first_vertex,
             first: None,
@@ -230,7 +230,7 @@ impl<'a> Rings<'a> {
                 let offset = span.at(t);
                 // The chord between two rings is summed from small vectors. The difference of two
                 // rounded positions on a garment would lose digits that the frame needs.
-                self.wait(Station {
+                self.wait(RingStation {
                     center: start + offset,
                     chord: self.to_span + offset,
                     along: span.tangent(t),
@@ -246,7 +246,7 @@ impl<'a> Rings<'a> {
 
     /// Adds a ring to those that wait, and all of them to the tube if they make a group.
     #[inline]
-    fn wait(&mut self, station: Station) {
+    fn wait(&mut self, station: RingStation) {
         self.waiting[self.count] = station;
         self.count += 1;
         if self.count == LANES {
@@ -270,7 +270,7 @@ impl<'a> Rings<'a> {
         let v = narrow(self.section.texture_per_mm * ring.length);
         // `f32` in four SIMD lanes: as exact as the files that take the vertices.
         let Ring { center, normal: up, binormal: sideways, .. } = ring;
-        let Outline { vertices, normals, u, triangles } = &self.outline;
+        let SectionOutline { vertices, normals, u, triangles } = &self.outline;
         // Each array is extended from an iterator of known length. A push for each vertex would
         // check the capacity each time.
         self.tubes.positions.extend(

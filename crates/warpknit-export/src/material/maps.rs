@@ -146,7 +146,7 @@ pub(super) fn png(maps: &SideMaps, role: Role, dpi: [f64; 2]) -> Vec<u8> {
         Role::Sheen => grey_as_rgb(&maps.sheen),
     };
     let depth = if role == Role::Height { png::BitDepth::Sixteen } else { png::BitDepth::Eight };
-    let picture = Picture { width, height, color: png::ColorType::Rgb, depth, data: &data };
+    let picture = PngPicture { width, height, color: png::ColorType::Rgb, depth, data: &data };
     picture.encode(Some(dpi), role == Role::BaseColor)
 }
 
@@ -165,7 +165,7 @@ pub(super) fn base_with_alpha(maps: &SideMaps) -> Vec<u8> {
     let data: Vec<u8> = rgba.collect();
     let (width, height) = maps.alpha.dimensions();
     let (color, depth) = (png::ColorType::Rgba, png::BitDepth::Eight);
-    Picture { width, height, color, depth, data: &data }.encode(None, true)
+    PngPicture { width, height, color, depth, data: &data }.encode(None, true)
 }
 
 /// Occlusion, roughness and metal in red, green and blue, as glTF packs them, PNG.
@@ -179,11 +179,11 @@ pub(super) fn surface(maps: &SideMaps) -> Vec<u8> {
 pub(super) fn rgb(picture: &RgbImage) -> Vec<u8> {
     let (width, height) = picture.dimensions();
     let (color, depth) = (png::ColorType::Rgb, png::BitDepth::Eight);
-    Picture { width, height, color, depth, data: picture.as_raw() }.encode(None, false)
+    PngPicture { width, height, color, depth, data: picture.as_raw() }.encode(None, false)
 }
 
 /// A picture to encode.
-struct Picture<'a> {
+struct PngPicture<'a> {
     width: u32,
     height: u32,
     color: png::ColorType,
@@ -191,7 +191,7 @@ struct Picture<'a> {
     data: &'a [u8],
 }
 
-impl Picture<'_> {
+impl PngPicture<'_> {
     /// Its PNG, with its size on paper if it has one.
     fn encode(&self, dpi: Option<[f64; 2]>, is_srgb: bool) -> Vec<u8> {
         let mut bytes = Vec::new();

@@ -42,7 +42,7 @@ const MAX_GAIN: f32 = 4.0;
 
 /// A picture that tiles.
 pub(super) fn quilt(picture: &RgbImage, field: &DisplacementField, lattice: &Lattice) -> RgbaImage {
-    let blocks = Blocks::new(lattice, f64::from(picture.width().min(picture.height())));
+    let blocks = BlockSizes::new(lattice, f64::from(picture.width().min(picture.height())));
     let source = Unsheared::new(&evenly_lit(picture, lattice), field, &blocks);
     let origins = source.origins();
     let mut texture = QuiltedTexture::empty(blocks);
@@ -77,7 +77,7 @@ fn overlap_error(
 
 /// Sizes of blocks, pixels of the texture: columns along a, rows along b.
 #[derive(Clone, Copy)]
-struct Blocks {
+struct BlockSizes {
     cell: [usize; 2],
     /// From one block to the next: whole cells.
     stride: [usize; 2],
@@ -87,7 +87,7 @@ struct Blocks {
     count: [usize; 2],
 }
 
-impl Blocks {
+impl BlockSizes {
     fn new(lattice: &Lattice, side: f64) -> Self {
         let cells = if side >= CELLS_FOR_LARGE_BLOCKS * lattice.longer() { 2 } else { 1 };
         let lengths = [lattice.a, lattice.b].map(DVec2::length);
@@ -146,11 +146,11 @@ struct Unsheared {
     start: [i32; 2],
     /// The block in the middle of the photo.
     middle: [usize; 2],
-    blocks: Blocks,
+    blocks: BlockSizes,
 }
 
 impl Unsheared {
-    fn new(picture: &RgbImage, field: &DisplacementField, blocks: &Blocks) -> Self {
+    fn new(picture: &RgbImage, field: &DisplacementField, blocks: &BlockSizes) -> Self {
         let cell = DVec2::from(blocks.cell.map(double));
         let last = DVec2::new(f64::from(picture.width()), f64::from(picture.height())) - 1.0;
         let [centre, corners @ ..] = [[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
@@ -210,12 +210,12 @@ impl Unsheared {
 
 /// The texture while it is made. It is periodic on all sides.
 struct QuiltedTexture {
-    blocks: Blocks,
+    blocks: BlockSizes,
     pixels: Vec<Option<[u8; 3]>>,
 }
 
 impl QuiltedTexture {
-    fn empty(blocks: Blocks) -> Self {
+    fn empty(blocks: BlockSizes) -> Self {
         Self { blocks, pixels: vec![None; blocks.texture_size().iter().product()] }
     }
 

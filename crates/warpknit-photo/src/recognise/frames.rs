@@ -22,7 +22,7 @@ pub(super) struct Frame(pub(super) DMat2);
 
 /// A wave of the photo: cycles a pixel, and its modulus.
 #[derive(Clone, Copy, Debug)]
-struct Wave {
+struct PhotoWave {
     vector: DVec2,
     strength: f64,
 }
@@ -151,7 +151,7 @@ fn changes() -> impl Iterator<Item = DMat2> {
 }
 
 /// The strongest waves of a photo.
-fn waves(even: &Plane) -> Vec<Wave> {
+fn waves(even: &Plane) -> Vec<PhotoWave> {
     let fourier = Fourier::new(SIDE, SIDE);
     let mut grid = vec![0.0_f32; SIDE * SIDE];
     let window = |at: usize, side: usize| {
@@ -173,7 +173,7 @@ fn waves(even: &Plane) -> Vec<Wave> {
     let modulus = |x: usize, y: usize| -> f32 { spectrum[(y % SIDE) * SIDE + x % SIDE].norm() };
     let lowest = double(SIDE) / WAVELENGTHS[1];
     let highest = double(SIDE) * 0.45;
-    let mut found: Vec<Wave> = Vec::new();
+    let mut found: Vec<PhotoWave> = Vec::new();
     for y in 0..=half {
         for x in 0..SIDE {
             let signed =
@@ -196,7 +196,10 @@ fn waves(even: &Plane) -> Vec<Wave> {
                     parabola_top(before(1, 0), own, modulus(x + 1, y)),
                     parabola_top(before(0, 1), own, modulus(x, y + 1)),
                 );
-                found.push(Wave { vector: (signed + off) / double(SIDE), strength: own.into() });
+                found.push(PhotoWave {
+                    vector: (signed + off) / double(SIDE),
+                    strength: own.into(),
+                });
             }
         }
     }
@@ -214,7 +217,7 @@ fn parabola_top(before: f32, middle: f32, after: f32) -> f64 {
 }
 
 /// Direct lattices whose waves these are, the likeliest first.
-fn lattices(waves: &[Wave]) -> Vec<DMat2> {
+fn lattices(waves: &[PhotoWave]) -> Vec<DMat2> {
     let total: f64 = waves.iter().map(|wave| wave.strength).sum();
     let mut basis: Vec<DVec2> = waves.iter().map(|wave| wave.vector).collect();
     for (at, wave) in waves.iter().enumerate().take(12) {
@@ -270,7 +273,7 @@ fn on(count: DVec2) -> bool {
 }
 
 /// The waves' basis that fits those near it best, by weighted least squares.
-fn fitted(matrix: DMat2, waves: &[Wave]) -> DMat2 {
+fn fitted(matrix: DMat2, waves: &[PhotoWave]) -> DMat2 {
     let inverse = matrix.inverse();
     let (mut normal, mut right) = (DMat2::ZERO, DMat2::ZERO);
     for wave in waves {

@@ -54,7 +54,7 @@ const KEPT: usize = 200;
 const BLUR: f64 = 1.2;
 
 /// A number of courses that the photos may show.
-struct Hypothesis {
+struct CourseHypothesis {
     courses: usize,
     /// Course spacing over wale spacing.
     proportion: f64,
@@ -64,7 +64,7 @@ struct Hypothesis {
 
 /// The search over lappings of two full bars.
 pub(super) struct Search {
-    hypotheses: Vec<Hypothesis>,
+    hypotheses: Vec<CourseHypothesis>,
     stitches: Vec<Stitches>,
     /// Lappings that were returned, each with its hypothesis.
     returned: BTreeMap<ClothKey, (Laps, usize)>,
@@ -164,7 +164,7 @@ impl Search {
 }
 
 /// Numbers of courses after which all photos repeat, and the frames in which they do so best.
-fn hypotheses(views: &mut [FaceView]) -> Vec<Hypothesis> {
+fn hypotheses(views: &mut [FaceView]) -> Vec<CourseHypothesis> {
     let counts = 1..=MOST_COURSES;
     views.iter_mut().for_each(FaceView::fold_few_courses);
     let views = &*views;
@@ -181,7 +181,7 @@ fn hypotheses(views: &mut [FaceView]) -> Vec<Hypothesis> {
             best.map(|(share, _)| share).fold(0.0, f64::max)
         })
         .collect();
-    let mut found: Vec<Hypothesis> = Vec::new();
+    let mut found: Vec<CourseHypothesis> = Vec::new();
     // Laps of one course are those of two as well.
     for courses in 2..=MOST_COURSES {
         let good = |at: usize| -> Vec<usize> {
@@ -207,7 +207,7 @@ fn hypotheses(views: &mut [FaceView]) -> Vec<Hypothesis> {
                 })
                 .collect();
             if frames.iter().all(|frames| !frames.is_empty()) {
-                found.push(Hypothesis { courses, proportion: wanted, frames });
+                found.push(CourseHypothesis { courses, proportion: wanted, frames });
             }
         }
     }
@@ -217,7 +217,7 @@ fn hypotheses(views: &mut [FaceView]) -> Vec<Hypothesis> {
 /// The search over lappings of a number of courses.
 struct Compared<'a> {
     views: &'a [FaceView],
-    hypothesis: &'a Hypothesis,
+    hypothesis: &'a CourseHypothesis,
     stitches: &'a mut Stitches,
     /// Lappings that were compared.
     seen: BTreeSet<Laps>,

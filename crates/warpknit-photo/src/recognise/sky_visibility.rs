@@ -25,7 +25,7 @@ const SAMPLES: usize = 10;
 const REACH: f64 = 1.2;
 
 /// A pixel at a place's side.
-struct Sample {
+struct SidePixel {
     /// Pixels to the right and down, wrapped.
     offset: [usize; 2],
     /// One over the distance, 1/mm.
@@ -33,10 +33,10 @@ struct Sample {
 }
 
 /// The pixels on one side of any place in a plane.
-struct Side {
+struct SidePixels {
     /// The direction away from the place.
     direction: Vec2,
-    pixels: Vec<Sample>,
+    pixels: Vec<SidePixel>,
 }
 
 /// The share of the sky above each pixel of a buffer; 0 where there is no yarn.
@@ -49,7 +49,7 @@ pub(super) fn sky_visibility(buffer: &HeightBuffer, wale: f64) -> Vec<f32> {
             return 0.0;
         }
         let place = [at % width, at / width];
-        let of_side = |side: &Side| {
+        let of_side = |side: &SidePixels| {
             let rises = side.pixels.iter().map(|sample| {
                 let [x, y] = [0, 1].map(|axis| {
                     let moved = place[axis] + sample.offset[axis];
@@ -65,7 +65,7 @@ pub(super) fn sky_visibility(buffer: &HeightBuffer, wale: f64) -> Vec<f32> {
 }
 
 /// Both sides of all planes, with pixels up to some mm away.
-fn sides(buffer: &HeightBuffer, reach: f64) -> Vec<Side> {
+fn sides(buffer: &HeightBuffer, reach: f64) -> Vec<SidePixels> {
     (0..2 * PLANES)
         .map(|number| {
             let angle = (double(number) + 0.5) * std::f64::consts::PI / double(PLANES);
@@ -78,9 +78,9 @@ fn sides(buffer: &HeightBuffer, reach: f64) -> Vec<Side> {
                 let offset = [0, 1]
                     .map(|axis| whole(narrow(pixels[axis].rem_euclid(double(buffer.size[axis])))));
                 (distance > 0.0)
-                    .then(|| Sample { offset, inverse_distance: narrow(distance.recip()) })
+                    .then(|| SidePixel { offset, inverse_distance: narrow(distance.recip()) })
             });
-            Side { direction: direction.as_vec2(), pixels: pixels.collect() }
+            SidePixels { direction: direction.as_vec2(), pixels: pixels.collect() }
         })
         .collect()
 }

@@ -1,6 +1,6 @@
 //! A photo laid out by wales and courses, and folded into one repeat.
 //!
-//! In: a photo's light, and where each wale and course lies in it. Out: a [`Sheet`] on the grid of
+//! In: a photo's light, and where each wale and course lies in it. Out: a [`UnfoldedPhoto`] on the grid of
 //! the sketches, and its [`Fold`]s: the mean of all copies of a repeat, and which share of the
 //! photo's variance all copies have in common. Cost: a bilinear sample a pixel.
 
@@ -11,7 +11,7 @@ use super::sketch::{COURSE, WALE};
 use crate::plane::{Plane, double, float, narrow, whole};
 
 /// A photo on the grid of sketches.
-pub(super) struct Sheet {
+pub(super) struct UnfoldedPhoto {
     width: usize,
     /// Wale and course of its first pixel.
     first: [i64; 2],
@@ -48,7 +48,7 @@ pub(super) fn beyond_stripes(values: &[f32], width: usize) -> f32 {
     1.0 - by_rows.max(by_columns) / whole
 }
 
-impl Sheet {
+impl UnfoldedPhoto {
     /// The photo in a frame whose origin is the photo's middle. `place` says where in the photo a
     /// place of the undistorted cloth is, pixels.
     pub(super) fn new(even: &Plane, frame: Frame, place: impl Fn(DVec2) -> DVec2) -> Self {

@@ -15,7 +15,7 @@ use super::bends::Bends;
 use super::compare::{CellSpectrum, Match, Template};
 use super::frames::{Frame, frames};
 use super::sketch::{CHANNELS, COURSE, Sketch, WALE};
-use super::unfold::{Sheet, beyond_stripes};
+use super::unfold::{UnfoldedPhoto, beyond_stripes};
 use super::{Face, LEAST_BEYOND_STRIPES};
 use crate::capture::lattice::Lattice;
 use crate::capture::plane::normalized_contrast;
@@ -43,7 +43,7 @@ pub(super) const MOST_COURSES: usize = 4;
 pub(super) struct FaceView {
     pub(super) face: Face,
     pub(super) frames: Vec<Frame>,
-    sheets: Vec<Sheet>,
+    sheets: Vec<UnfoldedPhoto>,
     /// For each frame the lattice by whose waves bends were taken off.
     lattice_of: Vec<usize>,
     bends: Vec<Bends>,
@@ -206,6 +206,6 @@ fn middle(photo: &RgbImage) -> RgbImage {
 }
 
 /// A photo in a frame, its bends taken off.
-fn laid_out(plane: &Plane, frame: Frame, bends: &Bends) -> Sheet {
-    Sheet::new(plane, frame, |at: DVec2| bends.displaced(at))
+fn laid_out(plane: &Plane, frame: Frame, bends: &Bends) -> UnfoldedPhoto {
+    UnfoldedPhoto::new(plane, frame, |at: DVec2| bends.displaced(at))
 }

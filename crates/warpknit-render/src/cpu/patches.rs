@@ -52,27 +52,27 @@ pub(crate) struct NearLight {
 
 impl Default for NearLight {
     fn default() -> Self {
-        Sums::PRIOR.means()
+        LightSums::PRIOR.means()
     }
 }
 
 /// The patches of a scene.
 #[derive(Debug)]
-pub(crate) struct Patches {
-    patches: Vec<Patch>,
+pub(crate) struct YarnPatches {
+    patches: Vec<YarnPatch>,
     /// Radius of the thickest yarn, mm.
     thickest: f32,
 }
 
 /// The yarns around a place.
 #[derive(Debug)]
-struct Patch {
+struct YarnPatch {
     middle: Vec3,
     scene: Scene,
     bounds: Bounds,
 }
 
-impl Patches {
+impl YarnPatches {
     /// Takes patches all over a scene of tubes. Other scenes have none.
     pub(crate) fn new(scene: &Scene) -> Self {
         let (_, thickest) = scene.radii();
@@ -85,15 +85,14 @@ impl Patches {
         let mut scenes = vec![bare; middles.len()];
         let reach = (PART_RADII / 2.0 + SKY_REACH_RADII + 2.0) * thickest;
         let strands = (0..scene.strands.len()).into_par_iter();
-        let stretches: Vec<Stretch> =
+        let stretches: Vec<PatchRun> =
             strands.flat_map_iter(|strand| stretches(scene, strand, &middles, reach)).collect();
-        for Stretch { patch, strand, points } in stretches {
+        for PatchRun { patch, strand, points } in stretches {
             scenes[patch].push_part(scene, strand, points);
         }
-        let patches = middles
-            .into_iter()
-            .zip(scenes)
-            .filter_map(|(middle, scene)| Some(Patch { middle, bounds: scene.bounds()?, scene }));
+        let patches = middles.into_iter().zip(scenes).filter_map(|(middle, scene)| {
+            Some(YarnPatch { middle, bounds: scene.bounds()?, scene })
+        });
         Self { patches: patches.collect(), thickest }
     }
 
@@ -104,16 +103,16 @@ impl Patches {
         options: &RenderOptions,
         is_visible: impl Fn(Vec3) -> bool,
     ) -> NearLight {
-        let in_sight = |patch: &&Patch| {
+        let in_sight = |patch: &&YarnPatch| {
             let place = camera.project(patch.middle.as_dvec3(), options.aspect());
             place.is_some_and(|place| place.abs().max_element() < 1.0) && is_visible(patch.middle)
         };
-        let seen: Vec<&Patch> = self.patches.iter().filter(in_sight).collect();
+        let seen: Vec<&YarnPatch> = self.patches.iter().filter(in_sight).collect();
         let some = seen.par_iter().step_by(seen.len().div_ceil(MOST_TRACED).max(1));
-        let sums: Vec<Sums> =
+        let sums: Vec<LightSums> =
             some.map(|patch| patch.sums(self.thickest, camera, options)).collect();
         // In order, so that the result does not depend on the number of threads.
-        sums.into_iter().fold(Sums::PRIOR, Sums::with).means()
+        sums.into_iter().fold(LightSums::PRIOR, LightSums::with).means()
     }
 }
 
@@ -133,15 +132,15 @@ fn middle(scene: &Scene, patch: usize, count: usize) -> Option<Vec3> {
 }
 
 /// Consecutive points of a strand that lie near a patch.
-struct Stretch {
+struct PatchRun {
     patch: usize,
     strand: usize,
     points: Range<u32>,
 }
 
 /// The parts of a strand that lie within `reach` of places along each axis. The places rise in x.
-fn stretches(scene: &Scene, strand: usize, middles: &[Vec3], reach: f32) -> Vec<Stretch> {
-    let mut found: Vec<Stretch> = Vec::new();
+fn stretches(scene: &Scene, strand: usize, middles: &[Vec3], reach: f32) -> Vec<PatchRun> {
+    let mut found: Vec<PatchRun> = Vec::new();
     if scene.radius(&scene.strands[strand]).is_none() {
         return found;
     }
@@ -160,17 +159,17 @@ fn stretches(scene: &Scene, strand: usize, middles: &[Vec3], reach: f32) -> Vec<
             let last = found.iter_mut().rev().find(|stretch| stretch.patch == patch);
             match last.filter(|stretch| stretch.points.end == first) {
                 Some(stretch) => stretch.points.end = end,
-                None => found.push(Stretch { patch, strand, points: first..end }),
+                None => found.push(PatchRun { patch, strand, points: first..end }),
             }
         }
     }
     found
 }
 
-impl Patch {
+impl YarnPatch {
     /// Sums over the places of this patch that the camera sees.
-    fn sums(&self, thickest: f32, camera: &Camera, options: &RenderOptions) -> Sums {
-        let mut sums = Sums::default();
+    fn sums(&self, thickest: f32, camera: &Camera, options: &RenderOptions) -> LightSums {
+        let mut sums = LightSums::default();
         let middle = self.middle.as_dvec3();
         let Some(place) = camera.project(middle, options.aspect()) else { return sums };
         let pixel = camera.pixel_size(camera.eye().distance(middle), options.height);
@@ -204,7 +203,7 @@ impl Patch {
 
 /// Sums over places, for means and a fitted line.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+struct LightSums {
     count: f32,
     /// Cosines of the angle between normal and eye.
     cosine: f32,
@@ -220,7 +219,7 @@ struct Sums {
     unhidden: f32,
 }
 
-impl Sums {
+impl LightSums {
     /// What is expected: half of the cloth's depth above a place, and half of the sun's light. Half of
     /// the places are seen head-on and half of them along the cloth.
     const PRIOR: Self = Self {
@@ -292,7 +291,7 @@ mod tests {
         let expected = SKY_FACING.map(|term| term / 2.0);
         assert!((open[0] - expected[0]).abs() < 1e-6 && (open[1] - expected[1]).abs() < 1e-6);
         assert_eq!([brightness, sunshine], [1.0, 0.5]);
-        let empty = Patches::new(&Scene::default());
+        let empty = YarnPatches::new(&Scene::default());
         let camera = Camera::view(View::Front, &[Vec3::ZERO, Vec3::ONE], 0.3, 1.0, 1.0);
         assert_eq!(empty.light(&camera, &RenderOptions::default(), |_| true), NearLight::default());
     }
@@ -300,11 +299,13 @@ mod tests {
     #[test]
     fn patches_hold_all_yarns_around_their_middles() {
         let scene = swatch(&Fabric::named("locknit").unwrap(), 30, 30);
-        let patches = Patches::new(&scene);
+        let patches = YarnPatches::new(&scene);
         assert_eq!(patches.patches.len(), PATCHES);
-        assert!(Patches::new(&Scene { shape: Shape::Ribbon, ..scene.clone() }).patches.is_empty());
+        assert!(
+            YarnPatches::new(&Scene { shape: Shape::Ribbon, ..scene.clone() }).patches.is_empty()
+        );
         let reach = (PART_RADII / 2.0 + SKY_REACH_RADII) * patches.thickest;
-        for Patch { middle, scene: part, .. } in &patches.patches {
+        for YarnPatch { middle, scene: part, .. } in &patches.patches {
             let near = |point: &&Vec3| (**point - *middle).abs().max_element() < reach;
             for point in scene.positions.iter().filter(near) {
                 assert!(part.positions.contains(point), "{point} near {middle}");
@@ -320,7 +321,7 @@ mod tests {
         let mut options = RenderOptions { width: 64, height: 64, ..RenderOptions::default() };
         options.light.sky_above *= sky;
         options.light.sky_below *= sky;
-        Patches::new(&scene).light(&camera, &options, |_| true)
+        YarnPatches::new(&scene).light(&camera, &options, |_| true)
     }
 
     #[test]

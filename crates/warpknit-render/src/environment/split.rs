@@ -42,11 +42,11 @@ const SPHERE: f32 = 2.0 * TAU;
 
 /// Parts of the sphere with their mean radiance.
 pub(super) struct Cells {
-    cells: Vec<Cell>,
+    cells: Vec<SkyCell>,
 }
 
 #[derive(Clone, Copy)]
-struct Cell {
+struct SkyCell {
     /// Unit vector to its middle.
     toward: Vec3,
     /// Solid angle, sr.
@@ -91,7 +91,7 @@ impl Cells {
             let toward = direction_of(Vec2::new(0.5 * (left + right), 0.5 * (top + bottom)));
             // Between two circles of latitude, by Archimedes.
             let solid_angle = TAU * (right - left) * ((top * PI).cos() - (bottom * PI).cos());
-            Cell { toward, solid_angle, radiance: radiance(pixels) }
+            SkyCell { toward, solid_angle, radiance: radiance(pixels) }
         });
         Self { cells: cells.collect() }
     }
@@ -132,13 +132,13 @@ impl Cells {
     }
 
     /// Sum over the cells, weighted by their size. In 64 bits: 32 would lose what is dim beside a sun.
-    fn sum(&self, of: impl Fn(&Cell) -> Vec3) -> Vec3 {
+    fn sum(&self, of: impl Fn(&SkyCell) -> Vec3) -> Vec3 {
         let parts = self.cells.iter().map(|cell| of(cell).as_dvec3() * f64::from(cell.solid_angle));
         parts.sum::<glam::DVec3>().as_vec3()
     }
 
     /// Sum over the cells in the cone around a direction, weighted by their size.
-    fn in_cone(&self, toward: Vec3, of: impl Fn(&Cell) -> Vec3) -> Vec3 {
+    fn in_cone(&self, toward: Vec3, of: impl Fn(&SkyCell) -> Vec3) -> Vec3 {
         let edge = CONE.cos();
         self.sum(|cell| if cell.toward.dot(toward) > edge { of(cell) } else { Vec3::ZERO })
     }
@@ -151,7 +151,7 @@ impl Cells {
     /// Mean radiance of the ring around the cone.
     fn ring(&self, toward: Vec3) -> Vec3 {
         let edges = RING.cos()..CONE.cos();
-        let is_in = |cell: &Cell| edges.contains(&cell.toward.dot(toward));
+        let is_in = |cell: &SkyCell| edges.contains(&cell.toward.dot(toward));
         let light = self.sum(|cell| if is_in(cell) { cell.radiance } else { Vec3::ZERO });
         let size = self.sum(|cell| if is_in(cell) { Vec3::ONE } else { Vec3::ZERO }).x;
         light / size.max(f32::MIN_POSITIVE)
@@ -220,7 +220,7 @@ impl Cells {
     /// among finer cells.
     fn score(&self, toward: Vec3) -> f32 {
         let (base, edge) = (self.ring(toward), CONE.cos());
-        let weighted = |cell: &Cell| (cell.radiance - base) * (cell.toward.dot(toward) - edge);
+        let weighted = |cell: &SkyCell| (cell.radiance - base) * (cell.toward.dot(toward) - edge);
         luminance(self.in_cone(toward, weighted))
     }
 }

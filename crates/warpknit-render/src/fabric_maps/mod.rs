@@ -27,13 +27,13 @@ use image::{GrayImage, ImageBuffer, Luma, RgbImage};
 use rayon::prelude::*;
 
 pub use crate::cpu::endless::Side;
-use crate::cpu::endless::{EndlessCloth, Texel};
+use crate::cpu::endless::{EndlessCloth, PixelSums};
 use crate::scene::Scene;
 pub use plane::MappedPlane;
 use warpknit_core::fabric::Fabric;
 use warpknit_core::knit::Pattern;
 use warpknit_core::number::whole_f64;
-use yarns::{RepeatScene, RepeatYarn, repeat_size, repeat_yarns};
+use yarns::{RepeatScene, TiledYarn, repeat_size, repeat_yarns};
 
 /// Rays of a pixel. With a quarter of them occlusion is grainy: its noise is 3 % with this number.
 pub const RAYS: u32 = 64;
@@ -154,7 +154,7 @@ impl FabricMaps {
 
     /// Draws a repeat of `size` mm of these yarns, by so many rays a pixel.
     fn of_yarns(
-        yarns: &[RepeatYarn],
+        yarns: &[TiledYarn],
         size: DVec2,
         pixels: [u32; 2],
         bars: &Scene,
@@ -224,7 +224,7 @@ fn texels(
     [width, height]: [u32; 2],
     rays: u32,
     progress: &(dyn Fn(f64) + Sync),
-) -> Vec<Texel> {
+) -> Vec<PixelSums> {
     let rows = AtomicU32::new(0);
     (0..height)
         .into_par_iter()

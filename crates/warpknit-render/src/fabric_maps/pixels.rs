@@ -1,6 +1,6 @@
 //! From sums over rays to the pixels of maps.
 //!
-//! In: [`Texel`]s, row by row. Out: [`SideMaps`]. Pixels without yarn get the mean of the nearest
+//! In: [`PixelSums`]s, row by row. Out: [`SideMaps`]. Pixels without yarn get the mean of the nearest
 //! pixels with yarn, coarse to fine (pull-push, Gortler, Grzeszczuk, Szeliski and Cohen 1996, 'The
 //! lumigraph'), around the edges of the map as it repeats. Cost: linear in the pixels.
 
@@ -8,7 +8,7 @@ use glam::Vec3;
 use image::{GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 
 use super::{Side, SideMaps};
-use crate::cpu::endless::Texel;
+use crate::cpu::endless::PixelSums;
 use crate::tone;
 use warpknit_core::ids::index32;
 use warpknit_core::number::byte;
@@ -24,7 +24,7 @@ const VALUES: usize = 10;
 
 /// A texel's values that are means over yarn, times its cover, and the cover.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+struct TexelSums {
     values: [f32; VALUES],
     cover: f32,
 }
@@ -32,14 +32,14 @@ struct Sums {
 impl SideMaps {
     /// The maps of a side of cloth whose surfaces lie between these depths, mm.
     pub(super) fn from_texels(
-        texels: Vec<Texel>,
+        texels: Vec<PixelSums>,
         size: [u32; 2],
         side: Side,
         depths: [f32; 2],
     ) -> Self {
         let covers: Vec<f32> = texels.iter().map(|texel| texel.cover).collect();
         let heights: Vec<f32> = texels.iter().map(|texel| texel.height).collect();
-        let means = filled(texels.into_iter().map(Sums::from).collect(), size);
+        let means = filled(texels.into_iter().map(TexelSums::from).collect(), size);
         let low = depths.map(|depth| side.height(depth)).into_iter().reduce(f32::min);
         let (low, depth) = (low.unwrap_or(0.0), (depths[1] - depths[0]).max(f32::MIN_POSITIVE));
         let height = covers.iter().zip(&heights).map(|(&cover, &height)| {
@@ -63,15 +63,15 @@ impl SideMaps {
     }
 }
 
-impl From<Texel> for Sums {
-    fn from(texel: Texel) -> Self {
-        let Texel { albedo, normal, roughness, metallic, occlusion, sheen, cover, .. } = texel;
+impl From<PixelSums> for TexelSums {
+    fn from(texel: PixelSums) -> Self {
+        let PixelSums { albedo, normal, roughness, metallic, occlusion, sheen, cover, .. } = texel;
         let ([r, g, b], [x, y, z]) = (albedo.to_array(), normal.to_array());
         Self { values: [r, g, b, x, y, z, roughness, metallic, occlusion, sheen], cover }
     }
 }
 
-impl Sums {
+impl TexelSums {
     fn plus(self, other: Self) -> Self {
         Self {
             values: std::array::from_fn(|at| self.values[at] + other.values[at]),
@@ -87,9 +87,9 @@ impl Sums {
 
 /// The means of all texels. Those with little yarn or none have the mean of their neighbourhood, the
 /// smallest that holds enough.
-fn filled(texels: Vec<Sums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
+fn filled(texels: Vec<TexelSums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
     if texels.iter().all(|texel| texel.cover >= LEAST_COVER) || texels.len() == 1 {
-        return texels.into_iter().map(Sums::means).collect();
+        return texels.into_iter().map(TexelSums::means).collect();
     }
     let (width, height) = (width as usize, height as usize);
     let half = [width.div_ceil(2), height.div_ceil(2)];
@@ -100,7 +100,7 @@ fn filled(texels: Vec<Sums>, [width, height]: [u32; 2]) -> Vec<[f32; VALUES]> {
             let columns = [x, (x + 1).min(width - 1)];
             rows.into_iter()
                 .flat_map(|y| columns.map(|x| texels[y * width + x]))
-                .fold(Sums::default(), Sums::plus)
+                .fold(TexelSums::default(), TexelSums::plus)
         });
     let coarse = Coarse { means: filled(coarse.collect(), half.map(index32)), size: half };
     let texel_means = texels.iter().enumerate().map(|(at, texel)| {
@@ -184,12 +184,12 @@ fn word(share: f32) -> u16 {
 mod tests {
     use super::*;
 
-    fn texel(cover: f32, albedo: f32) -> Texel {
-        Texel {
+    fn texel(cover: f32, albedo: f32) -> PixelSums {
+        PixelSums {
             cover,
             albedo: Vec3::splat(albedo * cover),
             normal: Vec3::Z * cover,
-            ..Texel::default()
+            ..PixelSums::default()
         }
     }
 
@@ -210,7 +210,7 @@ mod tests {
         for (side, z, height) in
             [(Side::Front, 0.3, 65_535), (Side::Back, 0.3, 0), (Side::Back, -0.1, 65_535)]
         {
-            let one = Texel { height: side.height(z) * 0.5, ..texel(0.5, 1.0) };
+            let one = PixelSums { height: side.height(z) * 0.5, ..texel(0.5, 1.0) };
             let maps = SideMaps::from_texels(vec![one], [1, 1], side, [-0.1, 0.3]);
             assert_eq!(maps.height.get_pixel(0, 0).0, [height], "{side:?} {z}");
         }

@@ -33,7 +33,7 @@ pub(super) struct RepeatScene {
 }
 
 /// One yarn of the repeat.
-pub(super) struct RepeatYarn {
+pub(super) struct TiledYarn {
     bar: usize,
     /// Its control points over one repeat, mm from the repeat's lowest-left corner.
     pub(super) points: Vec<DVec3>,
@@ -52,7 +52,7 @@ impl RepeatScene {
     /// The yarns of a repeat, with the looks of `bars`, subdivided for pixels of `pixel` mm. `cell` is
     /// the size of the repeat, mm.
     pub(super) fn new(
-        yarns: &[RepeatYarn],
+        yarns: &[TiledYarn],
         cell: DVec2,
         bars: &Scene,
         pixel: f64,
@@ -80,7 +80,7 @@ impl RepeatScene {
 }
 
 /// All yarns of one repeat.
-pub(super) fn repeat_yarns(fabric: &Fabric, pattern: &Pattern) -> Vec<RepeatYarn> {
+pub(super) fn repeat_yarns(fabric: &Fabric, pattern: &Pattern) -> Vec<TiledYarn> {
     let cell = repeat_size(fabric);
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
     let [wales, courses] =
@@ -93,7 +93,7 @@ pub(super) fn repeat_yarns(fabric: &Fabric, pattern: &Pattern) -> Vec<RepeatYarn
         for number in (0..numbers).filter(|&number| pattern.has_yarn(bar, number)) {
             let mut knitted = Knitted::default();
             pattern.lay(bar, number, 0..steps, &mesh, &mut knitted);
-            yarns.push(RepeatYarn { bar, points: knitted.points, period });
+            yarns.push(TiledYarn { bar, points: knitted.points, period });
         }
     }
     yarns

@@ -46,14 +46,14 @@ pub(crate) use uploaded::Uploaded;
 use super::maps::Mips;
 use super::{Background, Camera, RenderOptions, ply};
 use crate::GpuError;
-use crate::cpu::patches::Patches;
+use crate::cpu::patches::YarnPatches;
 use crate::scene::{Scene, Shape, YarnLook};
 use frame::{DepthMap, FrameSetup};
 use lod::{Chunks, Frustum, LodRules};
 use pages::Page;
 use passes::{PreparedDraws, depth_attachment, screen_pass};
 use pipelines::{Layouts, PassKind, Pipelines};
-use tiles::Tile;
+use tiles::PictureTile;
 
 /// Light before tone mapping. Half floats hold a thousand times the sun's.
 const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
@@ -90,7 +90,7 @@ pub struct Yarns {
     /// See [`Scene::mean_albedo`].
     albedo: Vec3,
     /// What they leave visible to each other, for pictures from afar.
-    patches: Patches,
+    patches: YarnPatches,
     /// Textures of each set of maps. The last entry stands for yarns without any.
     maps: Vec<wgpu::BindGroup>,
 }
@@ -171,7 +171,7 @@ impl Renderer {
             thinnest,
             yarn_radii: scene.yarn_radii(),
             albedo,
-            patches: Patches::new(scene),
+            patches: YarnPatches::new(scene),
             maps,
         })
     }
@@ -333,7 +333,7 @@ impl Renderer {
         yarns: &Yarns,
         geometry: Option<&Geometry>,
         options: &RenderOptions,
-        tile: Tile,
+        tile: PictureTile,
         (to, at): (&wgpu::TextureView, [u32; 2]),
     ) {
         let size = tile.texels();

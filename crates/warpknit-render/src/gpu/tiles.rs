@@ -1,6 +1,6 @@
 //! Tiles of a picture: each is drawn at once, so that textures stay small.
 //!
-//! In: the picture's size, and how finely its yarns must be drawn. Out: [`Tile`]s with their uniforms.
+//! In: the picture's size, and how finely its yarns must be drawn. Out: [`PictureTile`]s with their uniforms.
 //! Each has a margin of one pixel, so that the filter at its border has the texels of the next tile. Cost:
 //! a tile's textures, and a plan of its yarns.
 
@@ -21,7 +21,7 @@ const MAX_SUPERSAMPLING: u32 = 8;
 
 /// A part of a picture that is drawn at once.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Tile {
+pub(super) struct PictureTile {
     /// Its first pixel.
     pub(super) corner: [u32; 2],
     /// Pixels.
@@ -30,7 +30,7 @@ pub(super) struct Tile {
     pub(super) scale: u32,
 }
 
-impl Tile {
+impl PictureTile {
     /// Texels, with one more pixel on every side, because the reconstruction filter reaches into the
     /// next tiles.
     pub(super) fn texels(self) -> [u32; 2] {
@@ -61,7 +61,7 @@ pub(super) fn tiles(
     options: &RenderOptions,
     scale: u32,
     texels: u32,
-) -> impl Iterator<Item = Tile> {
+) -> impl Iterator<Item = PictureTile> {
     let side = texels / scale - 2;
     let (width, height) = (options.width, options.height);
     let corners = (0..height)
@@ -69,7 +69,7 @@ pub(super) fn tiles(
         .flat_map(move |y| (0..width).step_by(side as usize).map(move |x| [x, y]));
     corners.map(move |corner| {
         let size = [side.min(width - corner[0]), side.min(height - corner[1])];
-        Tile { corner, size, scale }
+        PictureTile { corner, size, scale }
     })
 }
 

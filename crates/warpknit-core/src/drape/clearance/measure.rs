@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::BodyClearance;
 use super::arcs::{Arc, SEGMENTS, StrandPoints};
-use super::nearest::{NEIGHBOURS, Nearest};
+use super::nearest::{NEIGHBOURS, NearestSegments};
 use super::patch::{Area, ClothPatch, Patches};
 use crate::drape::cloth::along_yarns;
 use crate::drape::strands::{CUT, Strand, Strands};
@@ -60,8 +60,8 @@ pub(super) struct Workplace {
     flat: Vec<Arc>,
     /// Number of strands so far.
     strands: u32,
-    near_draped: Nearest,
-    near_flat: Nearest,
+    near_draped: NearestSegments,
+    near_flat: NearestSegments,
 }
 
 impl<'a> Measure<'a> {
@@ -176,7 +176,7 @@ impl<'a> Measure<'a> {
                 number += 1;
             }
         }
-        let mut near = Nearest::default();
+        let mut near = NearestSegments::default();
         near.find(&arcs, TOO_NEAR_FLAT);
         near.pairs > 0
     }

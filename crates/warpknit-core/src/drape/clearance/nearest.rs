@@ -1,6 +1,6 @@
 //! The search for yarns that are near each other.
 //!
-//! In: [`Arc`]s. Out: [`Nearest`], for each segment how near the nearest other yarn comes.
+//! In: [`Arc`]s. Out: [`NearestSegments`], for each segment how near the nearest other yarn comes.
 //!
 //! Method: a spatial hash gives arcs whose bounding spheres meet. Then the straight lines between
 //! their ends are compared, less the bulge of the arcs. What is left are arcs that touch or nearly
@@ -28,7 +28,7 @@ const SAME_STRAND: f32 = SAME_STRAND_RADII as f32;
 
 /// How near the segments of some arcs come to others.
 #[derive(Default)]
-pub(super) struct Nearest {
+pub(super) struct NearestSegments {
     /// Square of the least distance over the sum of radii, for each segment of each arc. It is that
     /// of the cutoff where nothing is nearer.
     pub(super) squared: Vec<[f32; SEGMENTS]>,
@@ -44,7 +44,7 @@ pub(super) struct Nearest {
     hash: SpatialHash,
 }
 
-impl Nearest {
+impl NearestSegments {
     /// Compares all arcs, up to a distance of `cutoff` sums of radii.
     pub(super) fn find(&mut self, arcs: &[Arc], cutoff: f32) {
         self.sorted_squared.clear();
@@ -62,8 +62,8 @@ impl Nearest {
         let arcs = arcs.as_slice();
         hash.pairs(MAX_CANDIDATES, &mut |one, others| {
             let a = &arcs[one];
-            let mut lanes = Lanes::default();
-            let mut compare = |lanes: &mut Lanes| {
+            let mut lanes = ArcLanes::default();
+            let mut compare = |lanes: &mut ArcLanes| {
                 for other in lanes.near(a, cutoff) {
                     let b = &arcs[other as usize];
                     let near = squared.get_disjoint_mut([one, other as usize]);
@@ -108,7 +108,7 @@ fn window(a: &Arc, b: &Arc) -> f32 {
 
 /// Up to four arcs that are compared with one at a time, by the straight lines between their ends.
 #[derive(Default)]
-struct Lanes {
+struct ArcLanes {
     count: usize,
     arcs: [u32; SEGMENTS],
     /// From the start of the one arc to theirs, and from there to their last ends, mm.
@@ -118,7 +118,7 @@ struct Lanes {
     bulges: [f32; SEGMENTS],
 }
 
-impl Lanes {
+impl ArcLanes {
     /// Adds an arc. Whether all lanes are full.
     #[inline]
     fn fill(&mut self, a: &Arc, other: u32, b: &Arc) -> bool {

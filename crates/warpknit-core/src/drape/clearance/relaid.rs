@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::BodyClearance;
 use super::measure::{Measure, Workplace, whole_stitches};
 use super::patch::ClothPatch;
-use crate::drape::body::Body;
+use crate::drape::body::DrapedGarment;
 use crate::drape::cloth::{BlockPlan, YarnPlan};
 use crate::drape::{Block, Cloth, DrapeOptions};
 use crate::knit::Progress;
@@ -21,7 +21,7 @@ use crate::locate::Locator;
 pub(super) struct RelaidYarns<'a> {
     measure: Measure<'a>,
     options: DrapeOptions,
-    body: Body<'a>,
+    body: DrapedGarment<'a>,
     /// One for each panel.
     locators: Vec<Locator<'a>>,
     /// The yarns of each bar, in order of their guides, panel by panel.
@@ -37,7 +37,8 @@ impl<'a> RelaidYarns<'a> {
             yarns[block.panel][block.bar].extend(&block.yarns);
         }
         let locators = cloth.garment.panels.par_iter().map(Locator::new).collect();
-        let body = Body::new(cloth.garment, cloth.strain(), options.mapping, false, &mut |_| ());
+        let body =
+            DrapedGarment::new(cloth.garment, cloth.strain(), options.mapping, false, &mut |_| ());
         Self { measure: Measure::new(cloth, radius), options, body, locators, yarns }
     }
 

@@ -172,7 +172,7 @@ struct SpanPair {
 
 /// Where a span is nearest to another.
 #[derive(Clone, Copy, Debug)]
-struct Nearest {
+struct NearestPoint {
     /// The span's own control points.
     control: [DVec3; 4],
     /// From the other yarn, mm.
@@ -403,7 +403,7 @@ impl<'a> SweptPanel<'a> {
 
     /// Adds to the moves of a yarn what a pair asks for. Returns its distance over touching.
     fn push_pair(&self, yarn: &PanelYarn, pair: &SpanPair, aim: Aim, moves: &mut [DVec3]) -> f64 {
-        let Some(Nearest { control, apart, share }) = self.nearest_of_pair(yarn, pair) else {
+        let Some(NearestPoint { control, apart, share }) = self.nearest_of_pair(yarn, pair) else {
             return f64::INFINITY;
         };
         let distance = apart.length();
@@ -421,7 +421,7 @@ impl<'a> SweptPanel<'a> {
 
     /// Where a yarn is nearest to the other of a pair. Nothing where they are far apart or off the
     /// panel.
-    fn nearest_of_pair(&self, yarn: &PanelYarn, pair: &SpanPair) -> Option<Nearest> {
+    fn nearest_of_pair(&self, yarn: &PanelYarn, pair: &SpanPair) -> Option<NearestPoint> {
         let other_yarn = &self.yarns[pair.other_yarn as usize];
         let control = control_points(&self.places[yarn.places.clone()], pair.span as usize)?;
         let other =
@@ -429,7 +429,7 @@ impl<'a> SweptPanel<'a> {
         let may_touch =
             |s, t| self.may_touch([(yarn, pair.span, s), (other_yarn, pair.other_span, t)]);
         let (apart, share) = nearest_of_spans(&control, &other, pair.reach, may_touch)?;
-        Some(Nearest { control, apart, share })
+        Some(NearestPoint { control, apart, share })
     }
 
     /// Whether two places of yarn may touch, each a share of the way along its span: those close

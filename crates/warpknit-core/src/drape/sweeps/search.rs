@@ -44,7 +44,7 @@ pub(super) enum Partners {
 
 /// A part of a span.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct SpanPart {
     yarn: u32,
     span: u32,
     ends: [Vec3; 2],
@@ -58,7 +58,7 @@ pub(super) struct SpanSearch {
     /// Pairs that are nearer than this, over touching, are found.
     ratio: f64,
     hash: SpatialHash,
-    parts: Vec<Part>,
+    parts: Vec<SpanPart>,
     spheres: Vec<Sphere>,
     /// First part of each span by the place at which it starts, and the end of the last.
     starts: Vec<u32>,
@@ -81,7 +81,7 @@ impl SpanSearch {
         }
         self.starts.push(index32(self.parts.len()));
         self.spheres.clear();
-        self.spheres.extend(self.parts.iter().map(Part::sphere));
+        self.spheres.extend(self.parts.iter().map(SpanPart::sphere));
         let largest = self.spheres.iter().map(|sphere| sphere.reach).fold(0.0, f32::max);
         self.hash.fill(self.spheres.iter().copied(), 2.0 * largest);
     }
@@ -110,7 +110,12 @@ impl SpanSearch {
         for k in 1..=count {
             let to = curve.at(f64::from(k) * share) - near;
             let ends = [from, to].map(|end| end.as_vec3());
-            self.parts.push(Part { yarn: number, span: index32(span), ends, reach: single(reach) });
+            self.parts.push(SpanPart {
+                yarn: number,
+                span: index32(span),
+                ends,
+                reach: single(reach),
+            });
             from = to;
         }
     }
@@ -146,10 +151,10 @@ impl SpanSearch {
     }
 
     /// Adds the spans of those parts that may touch one.
-    fn add_partners(&self, part: &Part, found: &[u32], partners: &mut Vec<(u32, u32)>) {
+    fn add_partners(&self, part: &SpanPart, found: &[u32], partners: &mut Vec<(u32, u32)>) {
         // Spans that share a point can't touch.
         let is_other =
-            |other: &&Part| other.yarn != part.yarn || other.span.abs_diff(part.span) > 1;
+            |other: &&SpanPart| other.yarn != part.yarn || other.span.abs_diff(part.span) > 1;
         let parts = found.iter().map(|&other| &self.parts[other as usize]);
         let mut parts = parts.filter(is_other);
         let [start, end] = part.ends;
@@ -158,7 +163,7 @@ impl SpanSearch {
             let count =
                 lanes.iter_mut().zip(parts.by_ref()).map(|(lane, other)| *lane = other).count();
             let coordinates =
-                |of: fn(&Part) -> Vec3| from_fn(|axis| lanes.map(|lane| of(lane)[axis]));
+                |of: fn(&SpanPart) -> Vec3| from_fn(|axis| lanes.map(|lane| of(lane)[axis]));
             let starts = coordinates(|part| part.ends[0]);
             let steps = coordinates(|part| part.ends[1] - part.ends[0]);
             let squared = squared_distances(start, end - start, starts, steps);
@@ -175,7 +180,7 @@ impl SpanSearch {
     }
 }
 
-impl Part {
+impl SpanPart {
     fn sphere(&self) -> Sphere {
         let [from, to] = self.ends;
         let reach = self.reach + from.distance(to) / 2.0;

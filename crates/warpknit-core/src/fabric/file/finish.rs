@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::source::{Limits, Source, unplaced};
+use super::source::{FileText, Limits, unplaced};
 use crate::fabric::Finish;
 use crate::fabric::error::FabricError;
 
@@ -27,7 +27,7 @@ pub(super) struct FinishTable {
 
 impl FinishTable {
     /// Checks the table.
-    pub(super) fn into_finish(self, source: Source<'_>) -> Result<Finish, FabricError> {
+    pub(super) fn into_finish(self, source: FileText<'_>) -> Result<Finish, FabricError> {
         let number = |key: &str, value: Option<&Spanned<f64>>, limits| {
             source.optional(&format!("finish.{key}"), value, limits)
         };

@@ -7,7 +7,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::source::{Limits, Source, unplaced};
+use super::source::{FileText, Limits, unplaced};
 use super::yarn::YarnTable;
 use crate::fabric::error::{FabricError, FabricFault};
 use crate::fabric::{LaidCloth, LaidStrand, MAX_PATH, StrandDirection};
@@ -29,7 +29,7 @@ pub(super) struct StrandTable {
 /// The laid cloth of a file.
 pub(super) fn laid_cloth(
     strands: Vec<StrandTable>,
-    source: Source<'_>,
+    source: FileText<'_>,
 ) -> Result<LaidCloth, FabricError> {
     let strands = strands.into_iter().zip(1..);
     let strands: Vec<_> = strands
@@ -40,7 +40,7 @@ pub(super) fn laid_cloth(
 
 impl StrandTable {
     /// The strand; `number` names it in errors.
-    fn into_strand(self, number: usize, source: Source<'_>) -> Result<LaidStrand, FabricError> {
+    fn into_strand(self, number: usize, source: FileText<'_>) -> Result<LaidStrand, FabricError> {
         let path = self.points(number, source)?;
         // The path goes on into the next cell, so its last span ends at the first point there.
         let next = path.iter().copied().skip(1).chain([path[0] + self.runs.step()]);
@@ -54,7 +54,7 @@ impl StrandTable {
     }
 
     /// The points of its path, each within its limits.
-    fn points(&self, number: usize, source: Source<'_>) -> Result<Vec<DVec3>, FabricError> {
+    fn points(&self, number: usize, source: FileText<'_>) -> Result<Vec<DVec3>, FabricError> {
         let points = self.path.get_ref();
         if !(2..=MAX_PATH).contains(&points.len()) {
             let why = "has too few or too many points: 2 to 1000 are taken";

@@ -23,7 +23,7 @@ use super::{Fabric, Structure};
 use finish::FinishTable;
 use laid::{StrandTable, laid_cloth};
 use panel::{PanelTable, panels};
-use source::{GAUGE, Source, unplaced};
+use source::{FileText, GAUGE, unplaced};
 use warp::{BarTable, stitch_table, warp_knit};
 use weft::{FeederTable, legend_table, weft_knit};
 
@@ -89,7 +89,7 @@ pub(super) fn parse(text: &str) -> Result<Fabric, FabricError> {
             _ => fault.into(),
         }
     })?;
-    file.into_fabric(Source(text))
+    file.into_fabric(FileText(text))
 }
 
 /// A message of the TOML reader in one line, with words in place of the types of this program.
@@ -101,7 +101,7 @@ fn plain(message: &str) -> String {
 }
 
 impl FabricFile {
-    fn into_fabric(self, source: Source<'_>) -> Result<Fabric, FabricError> {
+    fn into_fabric(self, source: FileText<'_>) -> Result<Fabric, FabricError> {
         self.check_kind()?;
         let finish = self.finish.unwrap_or_default().into_finish(source)?;
         let (wales_per_cm, gauge) = match (&self.wales_per_cm, &self.gauge) {

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::source::{Limits, Source, unplaced};
+use super::source::{FileText, Limits, unplaced};
 use crate::fabric::PanelLayout;
 use crate::fabric::error::{FabricError, FabricFault};
 
@@ -43,7 +43,7 @@ fn is_nowhere(point: &[Spanned<f64>; 2]) -> bool {
 /// How panels are laid, each at most once.
 pub(super) fn panels(
     tables: &[PanelTable],
-    source: Source<'_>,
+    source: FileText<'_>,
 ) -> Result<Vec<PanelLayout>, FabricError> {
     let mut panels: Vec<PanelLayout> = Vec::new();
     for table in tables {

@@ -36,9 +36,9 @@ pub(super) fn unplaced<T>(value: T) -> Spanned<T> {
 
 /// The text of the file, into which errors point.
 #[derive(Clone, Copy)]
-pub(super) struct Source<'a>(pub(super) &'a str);
+pub(super) struct FileText<'a>(pub(super) &'a str);
 
-impl Source<'_> {
+impl FileText<'_> {
     /// A number within its limits; `what` names it in the error.
     pub(super) fn number(
         self,

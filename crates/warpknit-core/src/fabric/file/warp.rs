@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::full_set;
-use super::source::{Limits, Source, unplaced};
+use super::source::{FileText, Limits, unplaced};
 use super::yarn::YarnTable;
 use crate::fabric::WarpKnit;
 use crate::fabric::bar::{self, Bar, Lay, RUN_IN};
@@ -52,7 +52,7 @@ enum Drive {
 pub(super) fn warp_knit(
     stitch: &BTreeMap<Spanned<String>, Spanned<f64>>,
     bars: Vec<BarTable>,
-    source: Source<'_>,
+    source: FileText<'_>,
 ) -> Result<WarpKnit, FabricError> {
     let stitch = dimensions(stitch, source)?;
     let bars = bars.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
@@ -73,7 +73,7 @@ pub(super) fn stitch_table(stitch: &Dimensions) -> BTreeMap<Spanned<String>, Spa
 /// Reads the `[stitch]` table.
 fn dimensions(
     table: &BTreeMap<Spanned<String>, Spanned<f64>>,
-    source: Source<'_>,
+    source: FileText<'_>,
 ) -> Result<Dimensions, FabricError> {
     let mut stitch = Dimensions::default();
     for (name, value) in table {
@@ -90,7 +90,7 @@ fn dimensions(
 
 impl BarTable {
     /// The bar; `number` names it in errors.
-    fn into_bar(self, number: usize, source: Source<'_>) -> Result<Bar, FabricError> {
+    fn into_bar(self, number: usize, source: FileText<'_>) -> Result<Bar, FabricError> {
         let lay = bar::read_lapping(
             &format!("bar {number}, lapping"),
             self.lapping.get_ref(),

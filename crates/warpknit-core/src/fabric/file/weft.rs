@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::full_set;
-use super::source::{Source, unplaced};
+use super::source::{FileText, unplaced};
 use super::yarn::YarnTable;
 use crate::fabric::bar;
 use crate::fabric::error::{FabricError, FabricFault};
@@ -30,7 +30,7 @@ pub(super) fn weft_knit(
     chart: &Spanned<String>,
     legend: &BTreeMap<Spanned<String>, Spanned<String>>,
     feeders: Vec<FeederTable>,
-    source: Source<'_>,
+    source: FileText<'_>,
 ) -> Result<WeftKnit, FabricError> {
     let motif = motif(chart, legend, source)?;
     let feeders = feeders.into_iter().zip(1..);
@@ -51,7 +51,7 @@ pub(super) fn legend_table(motif: &Motif) -> BTreeMap<Spanned<String>, Spanned<S
 fn motif(
     chart: &Spanned<String>,
     legend: &BTreeMap<Spanned<String>, Spanned<String>>,
-    source: Source<'_>,
+    source: FileText<'_>,
 ) -> Result<Motif, FabricError> {
     let mut symbols = BTreeMap::new();
     for (letter, symbol) in legend {
@@ -75,7 +75,7 @@ fn motif(
 
 impl FeederTable {
     /// The feeder; `number` names it in errors.
-    fn into_feeder(self, number: usize, source: Source<'_>) -> Result<Feeder, FabricError> {
+    fn into_feeder(self, number: usize, source: FileText<'_>) -> Result<Feeder, FabricError> {
         let courses =
             bar::read_threading(&format!("feeder {number}, courses"), self.courses.get_ref())
                 .map_err(|fault| source.in_string(&self.courses, fault.span(), fault))?;

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::source::{Limits, Source, unplaced};
+use super::source::{FileText, Limits, unplaced};
 use crate::fabric::error::FabricError;
 use crate::fabric::yarn::{Color, Count, MOST_TWIST, Yarn};
 use crate::yarn::hairs::MOST_HAIRINESS;
@@ -52,7 +52,7 @@ pub(super) struct YarnTable {
 
 impl YarnTable {
     /// The yarn; `whose` names the bar, feeder or strand in errors.
-    pub(super) fn into_yarn(self, whose: &str, source: Source<'_>) -> Result<Yarn, FabricError> {
+    pub(super) fn into_yarn(self, whose: &str, source: FileText<'_>) -> Result<Yarn, FabricError> {
         let what = format!("{whose}: yarn");
         // TOML reads plies as integers; their range is checked like that of other numbers.
         if let Some(plies) = &self.plies {

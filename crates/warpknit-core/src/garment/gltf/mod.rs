@@ -85,7 +85,7 @@ fn mesh(root: &Json, body: Option<&[u8]>, path: &Path) -> Result<ObjMesh, String
             ));
         }
     }
-    let mut scene = Scene {
+    let mut scene = GltfScene {
         root,
         buffers: Buffers::read(root, body, path)?,
         soup: Soup::default(),
@@ -98,7 +98,7 @@ fn mesh(root: &Json, body: Option<&[u8]>, path: &Path) -> Result<ObjMesh, String
 }
 
 /// A scene that is being read.
-struct Scene<'a> {
+struct GltfScene<'a> {
     root: &'a Json,
     buffers: Buffers<'a>,
     soup: Soup,
@@ -106,7 +106,7 @@ struct Scene<'a> {
     is_read: Vec<bool>,
 }
 
-impl Scene<'_> {
+impl GltfScene<'_> {
     /// The nodes of the scene, or without one those that are in no other.
     fn roots(&self) -> Vec<usize> {
         let index = self.root.index("scene").unwrap_or(0);

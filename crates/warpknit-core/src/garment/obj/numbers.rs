@@ -20,12 +20,12 @@ const MOST_INDEX_DIGITS: usize = 9;
 
 /// A cursor on the text of a record.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cursor<'a> {
+pub(super) struct RecordCursor<'a> {
     pub(super) text: &'a [u8],
     pub(super) at: usize,
 }
 
-impl Cursor<'_> {
+impl RecordCursor<'_> {
     /// The byte at the cursor. A line feed where the text ends.
     #[inline]
     pub(super) fn byte(&self) -> u8 {
@@ -174,7 +174,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn number(text: &str) -> Option<f64> {
-        let mut cursor = Cursor { text: text.as_bytes(), at: 0 };
+        let mut cursor = RecordCursor { text: text.as_bytes(), at: 0 };
         let value = cursor.number();
         assert!(value.is_none() || cursor.at == text.trim_end().len(), "{text}: {}", cursor.at);
         value
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn corners_of_every_form() {
-        let corner = |text: &str| Cursor { text: text.as_bytes(), at: 0 }.corner();
+        let corner = |text: &str| RecordCursor { text: text.as_bytes(), at: 0 }.corner();
         for (text, expected) in [
             ("7", Some([7, 0])),
             ("7/8", Some([7, 8])),

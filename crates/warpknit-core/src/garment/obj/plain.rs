@@ -2,7 +2,7 @@
 //!
 //! In: text. Out: what its lines add to the mesh, and how many bytes they were. A plain line is
 //! whole, holds no continuation and no comment behind a record, and its numbers have the forms of
-//! [`Cursor`]. The first line of another kind ends the text, and nothing of it is kept.
+//! [`RecordCursor`]. The first line of another kind ends the text, and nothing of it is kept.
 //!
 //! Cost: one pass over the bytes. Not promised: to take every sound line. What is left here the slow way
 //! reads, to the same mesh.
@@ -10,14 +10,14 @@
 use glam::DVec3;
 
 use super::builder::{Builder, MAX_RECORDS};
-use super::numbers::{Cursor, line_end};
+use super::numbers::{RecordCursor, line_end};
 
 impl Builder {
     /// Reads plain lines from the start of a text. Returns their bytes and their number. `before` is
     /// the number of lines before the text.
     pub(super) fn plain_lines(&mut self, text: &[u8], before: u64) -> (usize, u64) {
         let (mut done, mut lines) = (0, 0);
-        while let Some(end) = self.plain_line(Cursor { text, at: done }, before + lines + 1) {
+        while let Some(end) = self.plain_line(RecordCursor { text, at: done }, before + lines + 1) {
             done = end;
             lines += 1;
         }
@@ -26,7 +26,7 @@ impl Builder {
 
     /// Reads a line. Returns the place behind it, or nothing if it isn't plain.
     #[inline]
-    fn plain_line(&mut self, mut cursor: Cursor<'_>, line: u64) -> Option<usize> {
+    fn plain_line(&mut self, mut cursor: RecordCursor<'_>, line: u64) -> Option<usize> {
         cursor.skip_blanks();
         match cursor.text.get(cursor.at..)? {
             [b'v', b' ' | b'\t', ..] => self.plain_position(cursor),
@@ -46,7 +46,7 @@ impl Builder {
     }
 
     #[inline]
-    fn plain_position(&mut self, mut cursor: Cursor<'_>) -> Option<usize> {
+    fn plain_position(&mut self, mut cursor: RecordCursor<'_>) -> Option<usize> {
         cursor.at += 1;
         let (end, [x, y, z]) = coordinates::<3>(cursor, 3, 7)?;
         let fits = (self.positions.len() as u64) < MAX_RECORDS;
@@ -57,7 +57,7 @@ impl Builder {
     }
 
     #[inline]
-    fn plain_texture(&mut self, mut cursor: Cursor<'_>) -> Option<usize> {
+    fn plain_texture(&mut self, mut cursor: RecordCursor<'_>) -> Option<usize> {
         cursor.at += 2;
         let (end, [u, v]) = coordinates::<2>(cursor, 1, 3)?;
         let fits = (self.texture.len() as u64) < MAX_RECORDS;
@@ -68,7 +68,7 @@ impl Builder {
     }
 
     #[inline]
-    fn plain_face(&mut self, mut cursor: Cursor<'_>, line: u64) -> Option<usize> {
+    fn plain_face(&mut self, mut cursor: RecordCursor<'_>, line: u64) -> Option<usize> {
         cursor.at += 1;
         self.corners.clear();
         let end = loop {
@@ -92,7 +92,7 @@ impl Builder {
 /// the place behind the line. Nothing for fewer than `least` numbers, or more.
 #[inline]
 fn coordinates<const N: usize>(
-    mut cursor: Cursor<'_>,
+    mut cursor: RecordCursor<'_>,
     least: usize,
     most: usize,
 ) -> Option<(usize, [f64; N])> {

@@ -1,4 +1,4 @@
-//! A USD crate file (`.usdc`) to a [`Stage`] (OpenUSD 24.08, `pxr/usd/usd/crateFile.cpp`).
+//! A USD crate file (`.usdc`) to a [`UsdStage`] (OpenUSD 24.08, `pxr/usd/usd/crateFile.cpp`).
 //!
 //! In: bytes. Out: prims with the attributes that meshes need; no other value is read. Versions
 //! 0.4 and newer, which all programs have written since 2016. Cost: linear in the sections and in
@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use super::packed::{numbers, unpacked};
 use super::samples::is_smooth;
 use super::values::Values;
-use super::{Attribute, CONVERT, DEEPEST, Prim, Stage, Value, is_needed};
+use super::{Attribute, CONVERT, DEEPEST, Prim, UsdStage, UsdValue, is_needed};
 use crate::cursor::Cursor;
 
 /// The oldest version whose sections are in blocks.
@@ -27,7 +27,7 @@ const ROOT: i32 = 7;
 ///
 /// # Errors
 /// What is wrong with it.
-pub(super) fn stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
+pub(super) fn stage(bytes: &[u8], time: Option<f64>) -> Result<UsdStage, String> {
     let minor = match bytes.get(8..10) {
         Some([0, minor]) => *minor,
         Some([major, _]) => return Err(format!("is a crate file of version {major}: {CONVERT}")),
@@ -190,7 +190,7 @@ struct Places {
 }
 
 impl File<'_> {
-    fn stage(&self) -> Option<Stage> {
+    fn stage(&self) -> Option<UsdStage> {
         let by_number: HashMap<i32, usize> =
             self.paths.iter().enumerate().map(|(place, path)| (path.number, place)).collect();
         let mut specs = vec![None; self.paths.len()];
@@ -207,7 +207,8 @@ impl File<'_> {
         let root =
             places.specs.iter().position(|spec| spec.is_some_and(|(_, kind)| kind == ROOT))?;
         let set = places.specs[root]?.0;
-        let mut stage = Stage { prims: self.children(root, set, &places, 0)?, ..Stage::default() };
+        let mut stage =
+            UsdStage { prims: self.children(root, set, &places, 0)?, ..UsdStage::default() };
         for (name, word) in self.set(set)? {
             match name {
                 "upAxis" => stage.up = self.values.value(word)?.texts.first()?.clone(),
@@ -287,7 +288,7 @@ impl File<'_> {
         }
         let mut own = Attribute { name, ..Attribute::default() };
         for (name, word) in self.set(set)? {
-            let text = |value: Value| value.texts.into_iter().next();
+            let text = |value: UsdValue| value.texts.into_iter().next();
             match name {
                 "typeName" => own.kind = text(self.values.value(word)?)?,
                 "interpolation" => own.interpolation = text(self.values.value(word)?)?,

@@ -6,7 +6,7 @@
 //! first texture coordinate primvar, `primvars:st` before others. Where attributes have time samples,
 //! they are those of that time (`samples`), and without one the first. [`times`] lists them.
 //!
-//! Method: either reader gives the prims as a [`Stage`]; meshes are taken from it here. Prims that
+//! Method: either reader gives the prims as a [`UsdStage`]; meshes are taken from it here. Prims that
 //! are inactive, invisible, guides, proxies, `over` or `class` are left out.
 //!
 //! Not promised: composition. References, payloads and variants are not followed; where a stage
@@ -34,7 +34,7 @@ const METRE: f64 = 1000.0;
 
 /// A stage, as much of it as a mesh needs.
 #[derive(Debug, Default)]
-struct Stage {
+struct UsdStage {
     /// `Y` where it isn't said.
     up: String,
     metres_per_unit: Option<f64>,
@@ -61,7 +61,7 @@ struct Attribute {
     name: String,
     /// `texCoord2f[]`.
     kind: String,
-    value: Value,
+    value: UsdValue,
     /// The times of its samples, if the value is one of them.
     times: Vec<f64>,
     interpolation: String,
@@ -69,7 +69,7 @@ struct Attribute {
 
 /// A value's numbers or texts, in order, whatever lists and tuples they are in.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Value {
+struct UsdValue {
     numbers: Vec<f64>,
     texts: Vec<String>,
 }
@@ -114,7 +114,7 @@ pub(super) fn times(bytes: &[u8]) -> Result<Vec<f64>, String> {
     Ok(times)
 }
 
-fn stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
+fn stage(bytes: &[u8], time: Option<f64>) -> Result<UsdStage, String> {
     if package::is_package(bytes) {
         return plain_stage(package::first(bytes)?, time);
     }
@@ -122,7 +122,7 @@ fn stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
 }
 
 /// A stage that is in no package.
-fn plain_stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
+fn plain_stage(bytes: &[u8], time: Option<f64>) -> Result<UsdStage, String> {
     if bytes.starts_with(b"PXR-USDC") {
         crate_file::stage(bytes, time)
     } else {
@@ -130,7 +130,7 @@ fn plain_stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
     }
 }
 
-fn mesh(stage: Stage) -> Result<ObjMesh, String> {
+fn mesh(stage: UsdStage) -> Result<ObjMesh, String> {
     let metres = stage.metres_per_unit.filter(|metres| metres.is_finite() && *metres > 0.0);
     let unit = metres.map(|metres| {
         let is_near = |unit: &Unit| (metres * METRE / unit.millimetres() - 1.0).abs() < 1e-6;
@@ -214,7 +214,7 @@ fn add_faces(soup: &mut Soup, prim: &Prim, stage_from_prim: DAffine3) -> Result<
         .iter()
         .map(|point| stage_from_prim.transform_point3(DVec3::from_array(*point)))
         .collect();
-    let pattern = Pattern::of(prim, points.len(), corners.len())?;
+    let pattern = UvPattern::of(prim, points.len(), corners.len())?;
     let is_left = prim.text("orientation") == Some("leftHanded");
     let is_turned = is_left != (stage_from_prim.matrix3.determinant() < 0.0);
     let mut first = 0;
@@ -247,12 +247,12 @@ fn add_faces(soup: &mut Soup, prim: &Prim, stage_from_prim: DAffine3) -> Result<
 
 /// The flat pattern of a mesh: a texture coordinate for each point, or for each corner.
 #[derive(Debug)]
-struct Pattern {
+struct UvPattern {
     values: Vec<DVec2>,
     is_of_corners: bool,
 }
 
-impl Pattern {
+impl UvPattern {
     /// That of a prim with so many points and corners, if it has one.
     fn of(prim: &Prim, points: usize, corners: usize) -> Result<Option<Self>, String> {
         const NAMES: [&str; 5] =

@@ -13,7 +13,7 @@ const SIZE_BEHIND: u16 = 1 << 3;
 const EXPORT: &str = "export the garment as .usdc";
 
 /// The head of a package's first file.
-struct Head<'a> {
+struct FileHead<'a> {
     name: &'a [u8],
     marks: u16,
     method: u16,
@@ -22,7 +22,7 @@ struct Head<'a> {
     rest: Cursor<'a>,
 }
 
-impl<'a> Head<'a> {
+impl<'a> FileHead<'a> {
     fn of(bytes: &'a [u8]) -> Option<Self> {
         let mut file = Cursor::new(bytes);
         (file.take()? == MAGIC).then_some(())?;
@@ -41,7 +41,7 @@ impl<'a> Head<'a> {
 /// Whether a ZIP archive that begins with these bytes is a package: its first file is a stage.
 pub(in super::super) fn is_package(first: &[u8]) -> bool {
     let ends = [&b".usdc"[..], b".usda", b".usd"];
-    Head::of(first).is_some_and(|head| ends.iter().any(|end| head.name.ends_with(end)))
+    FileHead::of(first).is_some_and(|head| ends.iter().any(|end| head.name.ends_with(end)))
 }
 
 /// The bytes of the first file.
@@ -50,7 +50,7 @@ pub(in super::super) fn is_package(first: &[u8]) -> bool {
 /// What is wrong with the package.
 pub(super) fn first(bytes: &[u8]) -> Result<&[u8], String> {
     let cut = || format!("is cut off: {EXPORT}");
-    let mut head = Head::of(bytes).ok_or_else(cut)?;
+    let mut head = FileHead::of(bytes).ok_or_else(cut)?;
     if head.method != 0 || head.marks & SIZE_BEHIND != 0 {
         return Err(format!("is compressed, which no .usdz may be: {EXPORT}"));
     }

@@ -4,7 +4,7 @@
 //! points and transforms the mean of the two samples around it, as a stage interpolates, and of
 //! anything else the sample before it. Before the first and behind the last time that sample counts.
 
-use super::Value;
+use super::UsdValue;
 
 /// Where a time lies among samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,12 +37,12 @@ pub(super) fn is_smooth(name: &str) -> bool {
 }
 
 /// The value at a share of the way from one to the other, or the first where their lengths differ.
-pub(super) fn mixed(before: Value, after: &Value, share: f64) -> Value {
+pub(super) fn mixed(before: UsdValue, after: &UsdValue, share: f64) -> UsdValue {
     if before.numbers.len() != after.numbers.len() {
         return before;
     }
     let pairs = before.numbers.iter().zip(&after.numbers);
-    Value { numbers: pairs.map(|(a, b)| a + share * (b - a)).collect(), ..before }
+    UsdValue { numbers: pairs.map(|(a, b)| a + share * (b - a)).collect(), ..before }
 }
 
 #[cfg(test)]
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn only_what_has_the_same_length_is_mixed() {
-        let value = |numbers: &[f64]| Value { numbers: numbers.to_vec(), ..Value::default() };
+        let value = |numbers: &[f64]| UsdValue { numbers: numbers.to_vec(), ..UsdValue::default() };
         assert_eq!(mixed(value(&[1.0, 2.0]), &value(&[3.0, 2.0]), 0.5), value(&[2.0, 2.0]));
         assert_eq!(mixed(value(&[1.0]), &value(&[3.0, 2.0]), 0.5), value(&[1.0]));
         assert!(is_smooth("points") && is_smooth("xformOp:translate"));

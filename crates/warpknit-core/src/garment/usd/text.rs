@@ -1,16 +1,16 @@
-//! USD text (`.usda`) to a [`Stage`].
+//! USD text (`.usda`) to a [`UsdStage`].
 //!
 //! In: bytes. Out: prims with the attributes that meshes need. Everything else is passed over by
 //! its brackets. Cost: linear. Not promised: that a file is refused for what usd-core minds.
 
 use super::samples::{Between, is_smooth, mixed};
-use super::{Attribute, CONVERT, DEEPEST, Prim, Stage, Value, is_needed};
+use super::{Attribute, CONVERT, DEEPEST, Prim, UsdStage, UsdValue, is_needed};
 
 /// Reads a whole text.
 ///
 /// # Errors
 /// The first line that isn't understood.
-pub(super) fn stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
+pub(super) fn stage(bytes: &[u8], time: Option<f64>) -> Result<UsdStage, String> {
     let mut reader = Reader { bytes, at: 0, time };
     reader.layer().ok_or_else(|| {
         let before = &bytes[..reader.at.min(bytes.len())];
@@ -22,11 +22,11 @@ pub(super) fn stage(bytes: &[u8], time: Option<f64>) -> Result<Stage, String> {
 /// Metadata of a stage, a prim or an attribute, as far as they count.
 #[derive(Debug, Default)]
 struct Metadata {
-    entries: Vec<(String, Value)>,
+    entries: Vec<(String, UsdValue)>,
 }
 
 impl Metadata {
-    fn get(&self, name: &str) -> Option<&Value> {
+    fn get(&self, name: &str) -> Option<&UsdValue> {
         self.entries.iter().find(|(own, _)| own == name).map(|(_, value)| value)
     }
 
@@ -57,7 +57,7 @@ fn single(number: f64) -> f64 {
 const DEEPEST_LIST: usize = 8;
 
 impl<'a> Reader<'a> {
-    fn layer(&mut self) -> Option<Stage> {
+    fn layer(&mut self) -> Option<UsdStage> {
         // Its version: a comment, to the eye of what follows.
         self.bytes.starts_with(b"#usda").then_some(())?;
         let metadata = self.metadata()?;
@@ -70,7 +70,7 @@ impl<'a> Reader<'a> {
         if is_composed {
             root.children.push(Prim { is_composed, ..Prim::default() });
         }
-        Some(Stage {
+        Some(UsdStage {
             up: metadata.text("upAxis"),
             metres_per_unit: metres.and_then(|value| value.numbers.first().copied()),
             prims: root.children,
@@ -204,14 +204,14 @@ impl<'a> Reader<'a> {
     }
 
     /// Any value.
-    fn value(&mut self) -> Option<Value> {
-        let mut value = Value::default();
+    fn value(&mut self) -> Option<UsdValue> {
+        let mut value = UsdValue::default();
         self.items(&mut value, 0)?;
         Some(value)
     }
 
     /// The numbers and texts of a value.
-    fn items(&mut self, value: &mut Value, depth: usize) -> Option<()> {
+    fn items(&mut self, value: &mut UsdValue, depth: usize) -> Option<()> {
         match self.peek()? {
             b'[' | b'(' if depth < DEEPEST_LIST => {
                 let end = if self.takes(b'[') { b']' } else { b')' };
@@ -355,7 +355,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The times in braces, and the value of the one that is wanted.
-    fn sample(&mut self, is_smooth: bool) -> Option<(Vec<f64>, Option<Value>)> {
+    fn sample(&mut self, is_smooth: bool) -> Option<(Vec<f64>, Option<UsdValue>)> {
         let mut samples = Vec::new();
         self.expect(b'{')?;
         while !self.takes(b'}') {

@@ -4,7 +4,7 @@
 //! or `None` for what is damaged or of no use to a mesh. Memory: an array's numbers, of which the
 //! file must hold the bytes.
 
-use super::Value;
+use super::UsdValue;
 use super::packed::{long_numbers, numbers};
 use super::samples::{Between, mixed};
 use crate::cursor::{Cursor, Number, long};
@@ -32,7 +32,7 @@ pub(super) struct Values<'a> {
 
 /// What a type of values is made of.
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+enum Composition {
     /// So many numbers.
     Numbers(Number, usize),
     /// A square matrix of doubles.
@@ -49,7 +49,7 @@ enum Kind {
     Doubles,
 }
 
-impl Kind {
+impl Composition {
     /// By its number in the file.
     fn of(number: u64) -> Option<Self> {
         use Number::{F16, F32, F64, I32, I64, U8, U32, U64};
@@ -83,7 +83,7 @@ impl Kind {
 
 impl Values<'_> {
     /// The value of a word.
-    pub(super) fn value(&self, word: u64) -> Option<Value> {
+    pub(super) fn value(&self, word: u64) -> Option<UsdValue> {
         if word & ARRAY != 0 {
             return self.array(word);
         }
@@ -91,45 +91,48 @@ impl Values<'_> {
             return self.inlined(word);
         }
         let mut at = Cursor::at(self.bytes, word & PAYLOAD)?;
-        let mut value = Value::default();
-        match Kind::of(word >> 48 & 0xFF)? {
-            Kind::Numbers(number, width) => {
+        let mut value = UsdValue::default();
+        match Composition::of(word >> 48 & 0xFF)? {
+            Composition::Numbers(number, width) => {
                 value.numbers = at.numbers(number, width)?;
             }
-            Kind::Matrix(width) => {
+            Composition::Matrix(width) => {
                 value.numbers = at.numbers(Number::F64, width * width)?;
             }
-            Kind::Turn(number) => {
+            Composition::Turn(number) => {
                 value.numbers = at.numbers(number, 4)?;
                 value.numbers.rotate_right(1);
             }
-            Kind::Tokens => {
+            Composition::Tokens => {
                 let count = at.u64()?;
                 value.texts = self.texts(&mut at, count)?;
             }
-            Kind::Doubles => {
+            Composition::Doubles => {
                 let count = usize::try_from(at.u64()?).ok()?;
                 value.numbers = at.numbers(Number::F64, count)?;
             }
-            Kind::Samples | Kind::Token | Kind::String | Kind::Specifier => return None,
+            Composition::Samples
+            | Composition::Token
+            | Composition::String
+            | Composition::Specifier => return None,
         }
         Some(value)
     }
 
     /// The value that a word holds itself.
-    fn inlined(&self, word: u64) -> Option<Value> {
+    fn inlined(&self, word: u64) -> Option<UsdValue> {
         let [a, b, c, d, ..] = word.to_le_bytes();
         let payload = u32::from_le_bytes([a, b, c, d]);
         let own = [a, b, c, d];
         let mut own = Cursor::new(&own);
-        let mut value = Value::default();
-        match Kind::of(word >> 48 & 0xFF)? {
-            Kind::Token => value.texts.push(self.token(payload)?),
-            Kind::String => {
+        let mut value = UsdValue::default();
+        match Composition::of(word >> 48 & 0xFF)? {
+            Composition::Token => value.texts.push(self.token(payload)?),
+            Composition::String => {
                 let token = *self.strings.get(usize::try_from(payload).ok()?)?;
                 value.texts.push(self.token(token)?);
             }
-            Kind::Numbers(number, 1) => {
+            Composition::Numbers(number, 1) => {
                 // Those of 64 bits are in the word where 32 bits hold them.
                 let short = match number {
                     Number::I64 => Number::I32,
@@ -139,25 +142,28 @@ impl Values<'_> {
                 };
                 value.numbers.push(own.number(short)?);
             }
-            Kind::Numbers(_, width) => {
+            Composition::Numbers(_, width) => {
                 value.numbers = own.numbers(Number::I8, width)?;
             }
             // Its diagonal.
-            Kind::Matrix(width) => {
+            Composition::Matrix(width) => {
                 value.numbers = vec![0.0; width * width];
                 for row in 0..width {
                     value.numbers[row * (width + 1)] = own.number(Number::I8)?;
                 }
             }
-            Kind::Specifier => value.numbers.push(payload.into()),
-            Kind::Turn(_) | Kind::Tokens | Kind::Samples | Kind::Doubles => return None,
+            Composition::Specifier => value.numbers.push(payload.into()),
+            Composition::Turn(_)
+            | Composition::Tokens
+            | Composition::Samples
+            | Composition::Doubles => return None,
         }
         Some(value)
     }
 
-    fn array(&self, word: u64) -> Option<Value> {
+    fn array(&self, word: u64) -> Option<UsdValue> {
         let place = word & PAYLOAD;
-        let mut value = Value::default();
+        let mut value = UsdValue::default();
         if place == 0 {
             return Some(value);
         }
@@ -168,15 +174,15 @@ impl Values<'_> {
         }
         let count = if self.minor < 7 { at.u32()?.into() } else { at.u64()? };
         let is_coded = word & CODED != 0 && count >= FEWEST_CODED;
-        match Kind::of(word >> 48 & 0xFF)? {
-            Kind::Numbers(number, 1) if is_coded => {
+        match Composition::of(word >> 48 & 0xFF)? {
+            Composition::Numbers(number, 1) if is_coded => {
                 value.numbers = coded(number, &mut at, count)?;
             }
-            Kind::Numbers(number, width) => {
+            Composition::Numbers(number, width) => {
                 let count = usize::try_from(count.checked_mul(width as u64)?).ok()?;
                 value.numbers = at.numbers(number, count)?;
             }
-            Kind::Token => value.texts = self.texts(&mut at, count)?,
+            Composition::Token => value.texts = self.texts(&mut at, count)?,
             _ => return None,
         }
         Some(value)
@@ -184,8 +190,8 @@ impl Values<'_> {
 
     /// The times of the values over time, and the value of the one that is wanted. A jump counts from
     /// its own place.
-    pub(super) fn sampled(&self, word: u64, is_smooth: bool) -> Option<(Vec<f64>, Value)> {
-        matches!(Kind::of(word >> 48 & 0xFF)?, Kind::Samples).then_some(())?;
+    pub(super) fn sampled(&self, word: u64, is_smooth: bool) -> Option<(Vec<f64>, UsdValue)> {
+        matches!(Composition::of(word >> 48 & 0xFF)?, Composition::Samples).then_some(())?;
         let jump = |place: u64| {
             let jump = Cursor::at(self.bytes, place)?.i64()?;
             place.checked_add_signed(jump)

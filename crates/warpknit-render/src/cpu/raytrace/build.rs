@@ -156,30 +156,30 @@ fn subtree(items: &mut [Item], first: u32, depth: u32, nodes: &mut Vec<Node>) {
 
 /// Consecutive items of a node.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct NodeItems {
     start: usize,
     count: usize,
     around: Box3,
 }
 
 /// Divides items into at most eight parts, one for each child. They are put in the parts' order.
-fn parts(items: &mut [Item], depth: u32) -> Vec<Part> {
+fn parts(items: &mut [Item], depth: u32) -> Vec<NodeItems> {
     let around = bounds(items);
     let mut parts = Vec::with_capacity(LANES);
     if items.len() <= LANES {
-        parts.extend((0..).zip(items).map(|(start, item)| Part {
+        parts.extend((0..).zip(items).map(|(start, item)| NodeItems {
             start,
             count: 1,
             around: item.around,
         }));
         return parts;
     }
-    parts.push(Part { start: 0, count: items.len(), around });
+    parts.push(NodeItems { start: 0, count: items.len(), around });
     while parts.len() < LANES {
         // The part that most rays enter, as long as one node cannot hold it.
         let by_number = depth >= LEVELS_BY_COST;
         let size =
-            |part: &Part| if by_number { part.count as f32 } else { part.around.half_area() };
+            |part: &NodeItems| if by_number { part.count as f32 } else { part.around.half_area() };
         let divisible = (0..parts.len()).filter(|&part| parts[part].count > LANES);
         let largest = divisible.max_by(|&a, &b| size(&parts[a]).total_cmp(&size(&parts[b])));
         let Some(index) = largest else { break };
@@ -188,8 +188,9 @@ fn parts(items: &mut [Item], depth: u32) -> Vec<Part> {
         let count = if by_number { halve(own) } else { divide(own) };
         let (lower, upper) = own.split_at(count);
         let (lower, upper) = (bounds(lower), bounds(upper));
-        parts[index] = Part { count, around: lower, ..part };
-        let after = Part { start: part.start + count, count: part.count - count, around: upper };
+        parts[index] = NodeItems { count, around: lower, ..part };
+        let after =
+            NodeItems { start: part.start + count, count: part.count - count, around: upper };
         parts.insert(index + 1, after);
     }
     parts

@@ -1,7 +1,7 @@
 //! Rays straight through endless cloth, for the maps of one repeat.
 //!
 //! In: the [`YarnPaths`] of a repeat and its surroundings, and for each look the period of its yarn.
-//! Out: [`Texel`]s: what the rays of a pixel meet, summed, without any light. Ambient occlusion is
+//! Out: [`PixelSums`]s: what the rays of a pixel meet, summed, without any light. Ambient occlusion is
 //! the share of the sky that no yarn hides within [`SKY_REACH_RADII`], as in pictures.
 //!
 //! Plies and fibres repeat with the yarn. Its twist is closed beforehand (`fabric_maps/yarns.rs`).
@@ -86,7 +86,7 @@ pub(crate) struct EndlessCloth<'a> {
 
 /// What the rays of a pixel meet, summed over those that meet yarn.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Texel {
+pub(crate) struct PixelSums {
     /// Share of the rays that meet yarn.
     pub(crate) cover: f32,
     /// Sums over those rays, each divided by the number of all rays. Colours are linear.
@@ -124,10 +124,10 @@ impl<'a> EndlessCloth<'a> {
 
     /// What `rays` rays, a power of two, through pixel (x, y) of a side's map meet. Row 0 is the upper
     /// one.
-    pub(crate) fn texel(&self, [x, y]: [u32; 2], side: Side, rays: u32) -> Texel {
+    pub(crate) fn texel(&self, [x, y]: [u32; 2], side: Side, rays: u32) -> PixelSums {
         let sampler = Sampler::new(x, y, side as u32);
         let mut waiting = Waiting::new();
-        let mut sum = Texel::default();
+        let mut sum = PixelSums::default();
         for index in 0..rays {
             let within = sampler.pair(SampleDimension::Pixel, index, rays);
             let ray = self.ray([x, y], within, side);
@@ -267,7 +267,7 @@ fn scattered(index: u32, count: u32) -> u32 {
     index.reverse_bits().checked_shr(count.leading_zeros() + 1).unwrap_or(0)
 }
 
-impl Texel {
+impl PixelSums {
     /// All sums times a number.
     fn scaled(self, by: f32) -> Self {
         Self {

@@ -9,7 +9,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 use super::masks::PLACES;
-use super::tiles::{Fragment, SIDE, Tile};
+use super::tiles::{Fragment, SIDE, TileFragments};
 use super::visible::TileRows;
 use crate::shade::{self, LAYER_RADII};
 
@@ -47,7 +47,7 @@ impl LayerDepths {
     }
 
     /// Averages the depths of one tile, in this column and row.
-    pub(super) fn of_tile(tile: &Tile, at: [u32; 2], thinnest: f32, split: u32) -> Self {
+    pub(super) fn of_tile(tile: &TileFragments, at: [u32; 2], thinnest: f32, split: u32) -> Self {
         let side = (SQUARE * split).min(SIDE);
         let (count, layer) = (SIDE / side, LAYER_RADII * thinnest);
         let of_square = |[x, y]: [u32; 2]| {

@@ -56,7 +56,7 @@ pub(super) struct Lights {
 }
 
 /// The visible places of a fragment.
-struct Spread {
+struct PlaceSpread {
     /// Their mean in the picture, cells.
     mean: Vec2,
     /// Their standard deviation across the piece, cells.
@@ -65,7 +65,7 @@ struct Spread {
 }
 
 /// A yarn where a fragment is lit.
-struct Section<'a> {
+struct LitYarn<'a> {
     look: &'a YarnLook,
     maps: Option<&'a Maps>,
     /// Factor on its base colour.
@@ -85,7 +85,7 @@ struct Section<'a> {
     footprint: f32,
 }
 
-impl Section<'_> {
+impl LitYarn<'_> {
     /// The surface at `side` from -1 to 1 between the outlines, its smooth normal, and the fraction
     /// of the sky's light that its texture lets through.
     fn surface(&self, side: f32) -> (Surface, Vec3, f32) {
@@ -147,7 +147,7 @@ impl Lights {
         // A tangent frame for the visible half of the tube.
         let width = tangent.cross(toward_eye).normalize_or(screen.right);
         let look = &scene.looks[usize::from(scene.strands[strand].look)];
-        let section = Section {
+        let section = LitYarn {
             look,
             maps: scene.maps_of(look),
             shade: scene.shade(&scene.strands[strand]),
@@ -178,7 +178,7 @@ impl Lights {
     }
 
     /// Mean and deviation of the places of a mask.
-    fn spread(&self, stroke: &Stroke, corner: Vec2, mask: u64) -> Spread {
+    fn spread(&self, stroke: &Stroke, corner: Vec2, mask: u64) -> PlaceSpread {
         let across = stroke.across();
         let (mut sum, mut squares, mut left) = (Vec2::ZERO, 0.0, mask);
         while left != 0 {
@@ -191,14 +191,14 @@ impl Lights {
         let count = mask.count_ones();
         let mean = sum / count as f32;
         let variance = squares / count as f32 - mean.dot(across).powi(2);
-        Spread { mean: corner + mean, deviation: variance.max(0.0).sqrt(), count }
+        PlaceSpread { mean: corner + mean, deviation: variance.max(0.0).sqrt(), count }
     }
 
     /// Mean light of a section over some places across it, each with its weight. `open` is the fraction of the sky that
     /// other yarns leave visible from a place of its surface.
     fn over(
         &self,
-        section: &Section<'_>,
+        section: &LitYarn<'_>,
         sides: impl Iterator<Item = (f32, f32)>,
         open: impl Fn(Vec3) -> f32,
     ) -> Vec3 {
@@ -219,7 +219,7 @@ impl Lights {
 
     /// The sun's light reflected toward the eye from the side of a yarn that faces `outward`,
     /// without the sheen.
-    fn base_sunlight(&self, section: &Section<'_>, surface: &Surface, outward: Vec3) -> Vec3 {
+    fn base_sunlight(&self, section: &LitYarn<'_>, surface: &Surface, outward: Vec3) -> Vec3 {
         let toward = self.rig.toward_sun;
         let cosine = surface.normal.dot(toward);
         if cosine <= 0.0 || outward.dot(toward) <= 0.0 {
@@ -236,7 +236,7 @@ impl Lights {
 
     /// The sun's light reflected by the fibres' sheen, as the mean over the visible width. Its
     /// highlight is narrower than two places across the yarn can tell.
-    fn sheen_sunlight(&self, section: &Section<'_>, surface: &Surface) -> Vec3 {
+    fn sheen_sunlight(&self, section: &LitYarn<'_>, surface: &Surface) -> Vec3 {
         let (sheen, toward, eye) = (&surface.sheen, self.rig.toward_sun, section.toward_eye);
         if sheen.share <= 0.0 {
             return Vec3::ZERO;

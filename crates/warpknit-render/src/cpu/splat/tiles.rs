@@ -1,6 +1,6 @@
 //! What each cell of the picture sees: pieces of yarn, front to back, each with a mask of places.
 //!
-//! In: pieces of a tile, in blocks. Out: [`Tile`]. Masks are gathered cell by cell, sorted by depth
+//! In: pieces of a tile, in blocks. Out: [`TileFragments`]. Masks are gathered cell by cell, sorted by depth
 //! and taken from the places that are left. Ties go to the piece with the lower number, so the
 //! result does not depend on the order of pieces.
 //!
@@ -42,13 +42,13 @@ pub(super) struct Fragment {
 
 /// The fragments of a tile's cells.
 #[derive(Debug, Default)]
-pub(super) struct Tile {
+pub(super) struct TileFragments {
     /// Where each cell's fragments begin. Empty for a tile without any.
     starts: Vec<u32>,
     fragments: Vec<Fragment>,
 }
 
-impl Tile {
+impl TileFragments {
     /// Fragments of the cell in a column and row of the tile.
     pub(super) fn cell(&self, [x, y]: [u32; 2]) -> &[Fragment] {
         let cell = (y * SIDE + x) as usize;
@@ -61,7 +61,7 @@ impl Tile {
 
 /// A piece in a cell before nearer ones are taken from it.
 #[derive(Clone, Copy, Debug)]
-struct Candidate {
+struct CellPiece {
     /// Depth in the upper 32 bits, number of the piece in the lower ones. Non-negative floats order
     /// like their bits.
     key: u64,
@@ -71,7 +71,7 @@ struct Candidate {
 
 /// Memory that tiles use one after another.
 pub(super) struct TileMemory {
-    cells: Vec<Vec<Candidate>>,
+    cells: Vec<Vec<CellPiece>>,
     /// Places that pieces of the tile cover so far.
     covered: [u64; CELLS],
     /// Places that pieces cover which lie in front of all that is still to come.
@@ -95,9 +95,9 @@ impl TileMemory {
         (pieces, screen, planes): (&SplatPieces, &Screen, &HalfPlanes),
         corner: [u32; 2],
         blocks: &[BlockEntry],
-    ) -> Tile {
+    ) -> TileFragments {
         if blocks.is_empty() {
-            return Tile::default();
+            return TileFragments::default();
         }
         self.covered = [0; CELLS];
         self.hidden = [0; CELLS];
@@ -161,7 +161,7 @@ impl TileMemory {
                             let front = (axis - rise * radius).max(0.0);
                             let key = u64::from(front.to_bits()) << 32 | u64::from(number);
                             let depth = axis - MEAN_RISE * radius;
-                            self.cells[cell].push(Candidate { key, mask, depth });
+                            self.cells[cell].push(CellPiece { key, mask, depth });
                         }
                     }
                 }
@@ -170,8 +170,9 @@ impl TileMemory {
     }
 
     /// Sorts the candidates of all cells and takes nearer ones from farther ones.
-    fn resolve(&mut self) -> Tile {
-        let mut tile = Tile { starts: Vec::with_capacity(CELLS + 1), fragments: Vec::new() };
+    fn resolve(&mut self) -> TileFragments {
+        let mut tile =
+            TileFragments { starts: Vec::with_capacity(CELLS + 1), fragments: Vec::new() };
         for candidates in &mut self.cells {
             tile.starts.push(warpknit_core::ids::index32(tile.fragments.len()));
             candidates.sort_unstable_by_key(|candidate| candidate.key);

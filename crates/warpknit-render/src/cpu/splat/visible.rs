@@ -11,7 +11,7 @@ use super::blocks::Blocks;
 use super::masks::HalfPlanes;
 use super::pieces::SplatPieces;
 use super::screen::Screen;
-use super::tiles::{Fragment, SIDE, Tile, TileMemory};
+use super::tiles::{Fragment, SIDE, TileFragments, TileMemory};
 
 /// Tiles of some rows.
 #[derive(Debug, Default)]
@@ -22,7 +22,7 @@ pub(super) struct TileRows {
     height: u32,
     rows: Range<u32>,
     across: u32,
-    tiles: Vec<Tile>,
+    tiles: Vec<TileFragments>,
 }
 
 impl TileRows {
@@ -34,7 +34,7 @@ impl TileRows {
     ) -> Self {
         let rows = tile_rows(cells);
         let across = blocks.across;
-        let mut tiles: Vec<Option<Tile>> = Vec::new();
+        let mut tiles: Vec<Option<TileFragments>> = Vec::new();
         tiles.resize_with(across as usize * rows.len(), || None);
         for (number, tile) in (before.rows.start * across..).zip(before.tiles) {
             if rows.contains(&(number / across)) {
