@@ -26,6 +26,10 @@ use warpknit::pipeline::{Listener as _, Task, check_distinct};
 /// Longest layout file, bytes. One of 64 segments has some thousands.
 const MOST_BYTES: u64 = 1 << 20;
 
+/// The least length of a repeat in which strands of no known structure are looked for, pixels. Of
+/// two real photos of smaller ones the strands were guesses; weaves were right from 7 on.
+const LEAST_CELL: f64 = 6.0;
+
 /// Captures a photo. The folder appears only when all of its files are whole.
 pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let terminal = Terminal::begin_command(&arguments.running)?;
@@ -73,17 +77,8 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
         return save_knit(arguments, knit, folder, &terminal);
     }
     let found = found.with_context(|| about.display().to_string())?;
-    if found.layout.error > MOST_UNEXPLAINED && !is_given && !arguments.anyway {
-        bail!(
-            "{}: the strands that were found leave {} of the cell unexplained (at most {} may): the \
-             lattice is {} and {} pixels; give --cell or --layout, --structure knit for a knit, or \
-             --anyway to write them all the same",
-            about.display(),
-            percent(found.layout.error),
-            percent(MOST_UNEXPLAINED),
-            vector(found.unit.lattice.a),
-            vector(found.unit.lattice.b)
-        );
+    if !is_given && !arguments.anyway {
+        check_strands(&found).with_context(|| about.display().to_string())?;
     }
     terminal.begin(Task::Write, 0.9);
     save(&found, &folder)?;
@@ -97,6 +92,30 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let noun = if count == 1 { "segment" } else { "segments" };
     tell(quiet, &format!("{count} {noun}: {}", arguments.output.display()));
     print(&report(&found))
+}
+
+/// Refuses strands that explain too little, and those of a repeat that is too small to show them.
+fn check_strands(found: &Captured) -> Result<()> {
+    let (lattice, unexplained) = (&found.unit.lattice, found.layout.error);
+    let [a, b] = [lattice.a, lattice.b].map(vector);
+    if unexplained > MOST_UNEXPLAINED {
+        bail!(
+            "the strands that were found leave {} of the cell unexplained (at most {} may): the \
+             lattice is {a} and {b} pixels; give --cell or --layout, --structure knit for a knit, or \
+             --anyway to write them all the same",
+            percent(unexplained),
+            percent(MOST_UNEXPLAINED)
+        );
+    }
+    let is_small = lattice.shorter() < LEAST_CELL;
+    if is_small && found.layout.hypothesis == Hypothesis::Cover {
+        bail!(
+            "the cloth is no weave and repeats every {a} and {b} pixels, too small to see yarns in \
+             ({LEAST_CELL} pixels each way are needed): take it nearer, or give --anyway to write \
+             a guess"
+        );
+    }
+    Ok(())
 }
 
 /// Whether nothing but a knit is wanted.

@@ -6,6 +6,7 @@ use std::process::Output;
 
 use glam::{DMat2, DVec2};
 use image::RgbImage;
+use image::imageops::FilterType;
 use warpknit::fabric::{Fabric, StrandDirection};
 use warpknit::photo::capture::{
     CERTAIN, CaptureError, CaptureSettings, Captured, GivenLayout, Segment, capture,
@@ -603,6 +604,27 @@ fn what_is_no_photo_of_cloth_is_named_and_leaves_no_folder() {
     }
     let output = run(folder, &["blank.png", "-o", "out", "--cell", "1,2,3"]);
     assert_eq!(output.status.code(), Some(2));
+}
+
+/// Loops of four pixels give strands, but which ones is chance.
+#[test]
+fn strands_of_a_repeat_too_small_to_see_are_a_guess_that_one_asks_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let photo = Disturbance { distortion: 0.0, noise: 0.02, light: 0.1 };
+    let near = sample(Kind::Jersey, 133, 640, photo);
+    let side = (640.0 * 4.5 / near.lattice[0].length()).round();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some 100 pixels")]
+    let side = side as u32;
+    let far = image::imageops::resize(&near.image, side, side, FilterType::Triangle);
+    far.save(folder.join("far.png")).unwrap();
+    let refused = run(folder, &["far.png", "--structure", "free", "-o", "out"]);
+    let message = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(1), "{message}");
+    assert!(message.contains("too small to see yarns in"), "{message}");
+    assert!(message.lines().count() == 1 && !folder.join("out").exists(), "{message}");
+    let guessed = run(folder, &["far.png", "--structure", "free", "--anyway", "-o", "out"]);
+    assert!(guessed.status.success(), "{}", String::from_utf8_lossy(&guessed.stderr));
 }
 
 /// A photo of a face of a built-in fabric, as another mill makes it.
