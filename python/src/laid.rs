@@ -74,8 +74,8 @@ impl LaidArrays {
     }
 
     fn add_strand(&mut self, block: &Block, strand: &Strand) {
-        for at in strand.points.clone() {
-            let tag = block.tag_near(strand, at);
+        for at in strand.range() {
+            let tag = block.tag_near(at);
             self.course.push(tag.course);
             self.wale.push(tag.wale);
         }

@@ -249,13 +249,9 @@ impl NpzArray {
 
     /// Appends what the points' tags say.
     fn add_tags(self, block: &Block, bytes: &mut Buffer) {
-        let strands = &block.strands;
-        let points = strands.strands.iter().flat_map(|strand| {
-            strand.points.clone().map(move |at| (strands.sources[at as usize], strand, at))
-        });
-        for (source, strand, at) in points {
-            let near = block.tag_near(strand, at);
-            let own = (source != CUT).then_some(near);
+        for (point, source) in block.strands.sources.iter().enumerate() {
+            let near = block.tag_near(point);
+            let own = (*source != CUT).then_some(near);
             match self {
                 Self::Course => add(&near.course.to_le_bytes(), bytes),
                 Self::Wale => add(&near.wale.to_le_bytes(), bytes),

@@ -122,8 +122,8 @@ pub(super) fn blocks_by_prim(blocks: &[Block]) -> impl Iterator<Item = &[Block]>
 }
 
 /// Course and wale of a point. A cut end has those of the data point beside it.
-pub(super) fn course_and_wale(block: &Block, strand: &Strand, at: u32) -> [i32; 2] {
-    let tag = block.tag_near(strand, at);
+pub(super) fn course_and_wale(block: &Block, point: usize) -> [i32; 2] {
+    let tag = block.tag_near(point);
     [tag.course, tag.wale]
 }
 

@@ -177,21 +177,21 @@ impl Attributes {
 /// Appends a block's values of an array.
 fn add(array: Array, block: &Block, curves: UsdCurves, text: &mut Buffer) {
     for strand in &block.strands.strands {
-        let points = strand.points.clone();
+        let points = strand.range();
         match array {
             Array::Counts => {
-                let count = curves.count(points.end - points.start);
+                let count = curves.count(index32(points.len()));
                 add_value(text, format_args!("{count}"));
             }
             Array::Yarns => add_value(text, format_args!("{}", strand.yarn.0)),
             Array::Courses => {
                 for at in points {
-                    add_value(text, format_args!("{}", course_and_wale(block, strand, at)[0]));
+                    add_value(text, format_args!("{}", course_and_wale(block, at)[0]));
                 }
             }
             Array::Wales => {
                 for at in points {
-                    add_value(text, format_args!("{}", course_and_wale(block, strand, at)[1]));
+                    add_value(text, format_args!("{}", course_and_wale(block, at)[1]));
                 }
             }
             Array::Lengths => add_lengths(&block.draped.positions[strand.range()], text),

@@ -413,8 +413,8 @@ fn add_block(block: &Block, curves: UsdCurves, is_first: bool, bytes: &mut Buffe
         for which in 0..2 {
             head.sizes[2 + which] = 4 * data;
             for strand in strands {
-                for at in strand.points.clone() {
-                    let number = course_and_wale(block, strand, at)[which];
+                for at in strand.range() {
+                    let number = course_and_wale(block, at)[which];
                     bytes.grow(4).copy_from_slice(&number.to_le_bytes());
                 }
             }

@@ -119,13 +119,10 @@ impl Block {
         }
     }
 
-    /// The tag of a point of a strand. An end that was cut has that of the data point beside it.
+    /// The tag of a strand's point. An end that was cut has that of the data point beside it.
     #[must_use]
-    pub fn tag_near(&self, strand: &Strand, at: u32) -> &Tag {
-        // Only a strand's first and last point can be cut, and strands have a data point.
-        let beside = if at == strand.points.start { at + 1 } else { at - 1 };
-        let [own, beside] = [at, beside].map(|at| self.strands.sources[at as usize]);
-        &self.knitted.tags[if own == CUT { beside } else { own } as usize]
+    pub fn tag_near(&self, point: usize) -> &Tag {
+        &self.knitted.tags[self.strands.source_near(point) as usize]
     }
 
     /// The number of a strand's first point, counted along its yarn from a place that is the same
@@ -134,9 +131,10 @@ impl Block {
     pub fn first_along(&self, strand: &Strand) -> i64 {
         let at = self.yarns.binary_search_by_key(&strand.yarn, |yarn| yarn.id);
         let yarn = &self.yarns[at.expect("a strand is a part of one of the block's yarns")];
-        let [first, second] = [0, 1].map(|next| self.strands.sources[strand.range().start + next]);
+        let first = strand.range().start;
         // A cut end counts as the data point before the second.
-        let source = if first == CUT { i64::from(second) - 1 } else { i64::from(first) };
+        let before = i64::from(self.strands.sources[first] == CUT);
+        let source = i64::from(self.strands.source_near(first)) - before;
         yarn.copy.first + source - i64::from(index32(self.points_of(&yarn.stitches).start))
     }
 

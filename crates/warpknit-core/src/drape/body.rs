@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::strands::{CUT, Strands};
+use super::strands::Strands;
 use crate::garment::Garment;
 use crate::knit::strain::{RepeatSpans, StrainTable};
 use crate::knit::{Knitted, Progress};
@@ -70,25 +70,8 @@ impl<'a> DrapedGarment<'a> {
             return StrainCounts::default();
         };
         let strained = StrainedPanel { panel: mesh, surface: &surfaces[panel], table };
-        let origin = |point| origin(strands, knitted, point);
+        // The point of the repeat of which each is a copy.
+        let origin = |point| knitted.origins[strands.source_near(point) as usize];
         strained.map(&strands.flat, &strands.located, origin, draped)
     }
-}
-
-/// The point of the repeat of which a strand's point is a copy. A cut end follows the data point
-/// beside it.
-#[inline]
-fn origin(strands: &Strands, knitted: &Knitted, point: usize) -> u32 {
-    let source = match strands.sources[point] {
-        // Only the first and the last point of a strand can be cut; another one is beside each.
-        CUT if starts_strand(strands, point) => strands.sources[point + 1],
-        CUT => strands.sources[point - 1],
-        source => source,
-    };
-    knitted.origins[source as usize]
-}
-
-/// Whether a point is the first of a strand.
-fn starts_strand(strands: &Strands, point: usize) -> bool {
-    strands.strands.binary_search_by_key(&point, |strand| strand.points.start as usize).is_ok()
 }

@@ -106,6 +106,23 @@ impl Strands {
         self.losses = Losses::default();
     }
 
+    /// The data point of a strand's point. An end that was cut has that of the point beside it: only
+    /// the first and the last point of a strand can be cut, and another one is beside each.
+    #[inline]
+    #[must_use]
+    pub fn source_near(&self, point: usize) -> u32 {
+        match self.sources[point] {
+            CUT if self.starts_strand(point) => self.sources[point + 1],
+            CUT => self.sources[point - 1],
+            source => source,
+        }
+    }
+
+    /// Whether a point is the first of a strand.
+    fn starts_strand(&self, point: usize) -> bool {
+        self.strands.binary_search_by_key(&point, |strand| strand.points.start as usize).is_ok()
+    }
+
     /// The pieces of a strand as ranges of its points, counted from the strand's first.
     /// Neighbouring pieces share the point between them.
     pub fn pieces_of(&self, strand: &Strand) -> impl Iterator<Item = Range<usize>> {
