@@ -31,7 +31,10 @@ create_exception!(
 /// A text of the command for Python: `--wales-per-cm` is `wales_per_cm`, but not in a command that is
 /// quoted in backquotes.
 pub(crate) fn with_keywords(text: &str) -> String {
-    let text = text.replace("`warpknit fabrics`", "`Fabric.names()`");
+    let text = text
+        .replace("`warpknit fabrics`", "`Fabric.names()`")
+        .replace("a file's name ends in .toml", "`Fabric.load` reads files")
+        .replace(" with -o", "");
     let parts = text.split('`').enumerate().map(|(at, part)| match at % 2 {
         0 => part.split(' ').map(keyword).collect::<Vec<_>>().join(" "),
         _ => part.to_owned(),

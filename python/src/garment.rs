@@ -13,6 +13,7 @@ use pyo3::prelude::*;
 use warpknit::garment::{self, Panel, ReadOptions, Unit};
 
 use crate::error::{self, GarmentError};
+use crate::fabric::warn;
 
 /// A garment: panels, flat and draped. It never changes.
 ///
@@ -40,7 +41,7 @@ impl Garment {
     /// turn: puts the technical face on the other side.
     /// allow_loss: accepts a garment of which over a tenth can't be knitted.
     ///
-    /// Raises GarmentError, with the file, the line and what to do.
+    /// Raises GarmentError, with the file, the line and what to do. Warns of what can't be knitted.
     #[staticmethod]
     #[pyo3(signature = (flat, draped=None, *, unit=None, uv_scale=None, grain=0.0, turn=false,
                         allow_loss=false))]
@@ -58,11 +59,8 @@ impl Garment {
         let unit = unit.map(named_unit).transpose()?;
         let options = ReadOptions { unit, uv_scale, grain: grain.to_radians(), turn, allow_loss };
         let read = py.detach(|| garment::read(&flat, draped.as_deref(), &options));
-        let garment = read.map_err(|error| error::of_garment(&error))?;
-        Ok(Self {
-            garment: Arc::new(garment),
-            inputs: [Some(flat), draped].into_iter().flatten().collect(),
-        })
+        let inputs = [Some(flat), draped].into_iter().flatten().collect();
+        Self::new(py, read, inputs)
     }
 
     /// A garment from arrays: vertex i lies at flat[i] on the pattern and at draped[i] on the body.
@@ -74,7 +72,7 @@ impl Garment {
     /// unit: of draped. uv_scale: length of one unit of flat, mm; None estimates it panel by panel,
     /// as for a UV map. grain, turn: as of `load`.
     ///
-    /// Raises GarmentError.
+    /// Raises GarmentError. Warns of what can't be knitted.
     #[staticmethod]
     #[pyo3(signature = (flat, draped, faces, *, unit="mm", uv_scale=Some(1.0), grain=0.0,
                         turn=false),
@@ -102,8 +100,7 @@ impl Garment {
         let flat: &[DVec2] = bytemuck::cast_slice(&flat);
         let draped: &[DVec3] = bytemuck::cast_slice(&draped);
         let made = py.detach(|| garment::Garment::from_arrays_with(flat, draped, &faces, &options));
-        let garment = made.map_err(|error| error::of_garment(&error))?;
-        Ok(Self { garment: Arc::new(garment), inputs: Vec::new() })
+        Self::new(py, made, Vec::new())
     }
 
     /// Number of panels.
@@ -145,6 +142,21 @@ impl Garment {
     fn __repr__(&self) -> String {
         let (panels, area) = (self.panels(), self.area_cm2());
         format!("<warpknit.Garment of {panels} panels, {area:.0} cm²>")
+    }
+}
+
+impl Garment {
+    /// A garment as read, of whose faults the user is warned.
+    fn new(
+        py: Python<'_>,
+        read: Result<garment::Garment, garment::GarmentError>,
+        inputs: Vec<PathBuf>,
+    ) -> PyResult<Self> {
+        let garment = read.map_err(|error| error::of_garment(&error))?;
+        for warning in &garment.summary.warnings {
+            warn(py, warning)?;
+        }
+        Ok(Self { garment: Arc::new(garment), inputs })
     }
 }
 

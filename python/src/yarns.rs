@@ -33,6 +33,9 @@ use crate::names;
 
 /// The largest picture each way, pixels.
 const MOST_PIXELS: u32 = 16_384;
+/// Memory of tubes: places, normals and texture coordinates of a vertex, and a triangle's corners.
+const VERTEX_BYTES: f64 = 32.0;
+const TRIANGLE_BYTES: f64 = 12.0;
 
 /// What yarns were laid on.
 pub(crate) enum Origin {
@@ -386,6 +389,8 @@ impl Yarns {
     ///
     /// st: segments along each stitch. sr: edges around. flatten: width over height of the section.
     /// caps: whether ends are closed.
+    ///
+    /// Raises MemoryError where the arrays don't fit.
     #[pyo3(signature = (st=10, sr=6, *, flatten=1.0, caps=false))]
     fn to_mesh<'py>(
         &self,
@@ -401,11 +406,16 @@ impl Yarns {
             return Err(PyValueError::new_err(text));
         }
         let base = Section { st, sr, flatten, caps, ..default_section(self.shown.radius()) };
-        let (vertices, _) = base.size_of(self.strands.stitches.len(), self.strands.len());
+        let (vertices, triangles) = base.size_of(self.strands.stitches.len(), self.strands.len());
         if u32::try_from(vertices).is_err() {
             let text = format!("{vertices} vertices are over the 2^32 of an index: lower st or sr");
             return Err(PyValueError::new_err(text));
         }
+        #[expect(clippy::cast_precision_loss, reason = "an estimate of two digits")]
+        let needed = (VERTEX_BYTES * vertices as f64 + TRIANGLE_BYTES * triangles as f64) / 1e9;
+        let stitches = self.strands.stitches.len() as u64;
+        pipeline::check_memory("a mesh of tubes", stitches, needed, "lower st or sr")
+            .map_err(|error| error::of_run(&error))?;
         let thickness = self.shown.thickness();
         let (points, normals) = (self.points.bind(py).readonly(), self.normals.bind(py).readonly());
         let (points, normals) = (vectors(&points)?, vectors(&normals)?);

@@ -113,7 +113,7 @@ fn facts(wanted: &[Wanted], job: &Job<'_>, radius: f64, near: Clearance) -> Fact
         return Facts::default();
     }
     let RealCloth { fabric, numbers, .. } = RealCloth::of_job(job, radius, near);
-    Facts::new(&fabric, &numbers, fabric.wales_per_cm / job.shown.wales_per_cm)
+    Facts::new(&fabric, &numbers, (job.shown, job.cloth.pattern()))
 }
 
 /// The section of tubes in files: the chosen values, or else the defaults.

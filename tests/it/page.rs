@@ -76,11 +76,16 @@ fn a_browser_draws_turns_and_magnifies_pages_and_fetches_nothing() {
     let garment = [mesh("pinch_flat.obj"), mesh("pinch_draped.obj")];
     let drape = ["--wales-per-cm", "1", "--courses-per-cm", "1.5", "-o", "garment.html"];
     warpknit(folder.path()).arg("drape").args(&garment).args(drape).assert().success();
+    // Black, so that what is light is the ground.
+    let net = warpknit(folder.path()).args(["fabrics", "hex-net-5"]).output().unwrap().stdout;
+    let net = String::from_utf8(net).unwrap();
+    let black = net.replace("#ece4d4", "#000000").replace("#7d8f69", "#000000");
+    std::fs::write(folder.path().join("black.toml"), black).unwrap();
     for (fabric, side, page) in [
         ("locknit", "8", "warp.html"),
         ("cable", "8", "weft.html"),
         ("tricot", "160", "large.html"),
-        ("hex-net-5", "120", "sheer.html"),
+        ("black.toml", "120", "sheer.html"),
     ] {
         let swatch = ["swatch", "--fabric", fabric, "--wales", side, "--courses", side, "-o", page];
         warpknit(folder.path()).args(swatch).assert().success();

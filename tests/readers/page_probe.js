@@ -8,6 +8,10 @@ addEventListener('securitypolicyviolation', event => errors.push(event.blockedUR
 console.error = console.warn = (...words) => errors.push(words.join(' '));
 while (!data.first && !data.error) await new Promise(done => setTimeout(done, 50));
 
+// Whether a pixel shows yarn: the ground's colour is that of the page.
+const ground = getComputedStyle(document.body).backgroundColor.match(/\d+/g).slice(0, 3).map(Number);
+const showsYarn = (bytes, i) => ground.some((code, k) => Math.abs(bytes[i + k] - code) > 1);
+
 // The canvas after an event, in the frame that draws it: its pixels as a number, and how many of them show yarn.
 async function after(event, target = window) {
   target.dispatchEvent(event);
@@ -18,16 +22,17 @@ async function after(event, target = window) {
   const bytes = pixels.getImageData(0, 0, copy.width, copy.height).data;
   let hash = 0, covered = 0;
   for (let i = 0; i < bytes.length; i++) hash = hash * 31 + bytes[i] | 0;
-  for (let i = 3; i < bytes.length; i += 4) covered += bytes[i] > 0;
+  for (let i = 0; i < bytes.length; i += 4) covered += showsYarn(bytes, i);
   const [width, height] = [copy.width, copy.height];
   return { hash, covered: covered / (width * height), uneven: uneven(bytes, width, height), stops: stops(bytes, width, height) };
 }
 
-// How much of the ground's light the middle of the canvas stops, of 100.
+// How much of the ground's light black yarn in the middle of the canvas stops, of 100.
 function stops(bytes, width, height) {
+  const light = code => (code / 255) ** 2.2;
   let sum = 0, count = 0;
   for (let y = Math.round(0.4 * height); y < 0.6 * height; y++)
-    for (let x = Math.round(0.4 * width); x < 0.6 * width; x++, count++) sum += bytes[4 * (y * width + x) + 3] / 255;
+    for (let x = Math.round(0.4 * width); x < 0.6 * width; x++, count++) sum += 1 - light(bytes[4 * (y * width + x) + 1]) / light(ground[1]);
   return Math.round(100 * sum / count);
 }
 
@@ -38,7 +43,7 @@ function uneven(bytes, width, height) {
     for (let x = 0; x < width; x++) {
       const cell = cells[5 * Math.floor(5 * y / height) + Math.floor(5 * x / width)], i = 4 * (y * width + x);
       cell[3]++;
-      if (bytes[i + 3] > 0) {
+      if (showsYarn(bytes, i)) {
         for (let k = 0; k < 3; k++) cell[k] += bytes[i + k];
         cell[4]++;
       }

@@ -145,7 +145,7 @@ function fit(coarse) {
   return { width, height, scale };
 }
 fit(true);
-const gl = canvas.getContext('webgl2', { antialias: false, alpha: true, stencil: true });
+const gl = canvas.getContext('webgl2', { antialias: false, alpha: false, depth: false });
 if (!gl) return fail('This page needs WebGL 2, which this browser or its settings do not offer.');
 if (!self.DecompressionStream) return fail('This browser is too old for this page: it needs one of 2023 or later.');
 
@@ -170,9 +170,10 @@ if (!gl.getProgramParameter(program, gl.LINK_STATUS))
 gl.useProgram(program);
 const places = {}, at = name => places[name] ??= gl.getUniformLocation(program, name);
 
+const textures = [];
 function texture(unitNumber, name, ...image) {
   gl.activeTexture(gl.TEXTURE0 + unitNumber);
-  gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+  gl.bindTexture(gl.TEXTURE_2D, textures[unitNumber] ??= gl.createTexture());
   for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
   gl.texImage2D(gl.TEXTURE_2D, 0, ...image);
   gl.uniform1i(at(name), unitNumber);
@@ -180,31 +181,35 @@ function texture(unitNumber, name, ...image) {
 const texels = [WIDTH, yarns.rows, 0];
 texture(0, 'points', gl.RGBA16UI, ...texels, gl.RGBA_INTEGER, gl.UNSIGNED_SHORT, yarns.places);
 texture(1, 'directions', gl.RGBA8_SNORM, ...texels, gl.RGBA, gl.BYTE, yarns.directions);
-// Sharp pictures have up to four samples a pixel, in a framebuffer of their own. Coarse ones are drawn straight onto the
-// canvas, and so are pictures for which the card has no memory.
-const sharp = gl.createFramebuffer(), SAMPLES = Math.min(4, gl.getParameter(gl.MAX_SAMPLES));
-const layers = [[gl.RGBA8, gl.COLOR_ATTACHMENT0], [gl.DEPTH24_STENCIL8, gl.DEPTH_STENCIL_ATTACHMENT]].map(([format, place]) => {
+// Pictures are drawn with up to four samples a pixel, coarse ones with one, in a framebuffer that adds light as light
+// (sRGB). Their samples' mean goes into a texture, and that onto the canvas.
+const drawn = gl.createFramebuffer(), resolved = gl.createFramebuffer(), SAMPLES = Math.min(4, gl.getParameter(gl.MAX_SAMPLES));
+const layers = [[gl.SRGB8_ALPHA8, gl.COLOR_ATTACHMENT0], [gl.DEPTH24_STENCIL8, gl.DEPTH_STENCIL_ATTACHMENT]].map(([format, place]) => {
   const buffer = gl.createRenderbuffer();
-  gl.bindFramebuffer(gl.FRAMEBUFFER, sharp);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, drawn);
   gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
   gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
   return { buffer, format };
 });
-let sharpSize = '', hasSharp = false;
-function resizeSharp(width, height) {
-  if (sharpSize === `${width}x${height}`) return hasSharp;
-  sharpSize = `${width}x${height}`;
-  for (const { buffer, format } of layers) {
-    gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
-    gl.renderbufferStorageMultisample(gl.RENDERBUFFER, SAMPLES, format, width, height);
+let drawnAs = '';
+function prepare(width, height, samples) {
+  const size = `${width} x ${height}, ${samples}`;
+  if (size !== drawnAs) {
+    drawnAs = size;
+    for (const { buffer, format } of layers) {
+      gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+      gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, width, height);
+    }
+    texture(2, 'picture', gl.SRGB8_ALPHA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, resolved);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, textures[2], 0);
   }
-  gl.bindFramebuffer(gl.FRAMEBUFFER, sharp);
-  hasSharp = gl.checkFramebufferStatus(gl.FRAMEBUFFER) === gl.FRAMEBUFFER_COMPLETE;
-  return hasSharp;
+  gl.bindFramebuffer(gl.FRAMEBUFFER, drawn);
 }
 gl.enable(gl.DEPTH_TEST);
 gl.uniform1f(at('grid'), cloth.step);
 gl.uniform3fv(at('low'), origin);
+gl.uniform3fv(at('colorsFromAfar'), cloth.colors_from_afar.flat());
 
 // How finely a chunk is drawn where a mm at its distance has so many pixels: rings an entry, and sides. Each entry has
 // a ring at least: with fewer, chords would leave out the tops of loops, and another bar would colour the cloth.
@@ -228,11 +233,25 @@ function opacityOf({ pixel, distance }) {
 }
 
 // A disc as wide as the viewport, or what covers all of it, behind everything.
-function drawGround(coversAll, veil) {
-  gl.uniform1i(at('sides'), 0);
-  gl.uniform3i(at('shape'), coversAll, 1, 0);
+function drawGround(coversAll, veil, sides = 0) {
+  gl.uniform1i(at('sides'), sides);
+  gl.uniform3i(at('shape'), coversAll, 1, sides);
   gl.uniform1f(at('opacity'), veil);
   gl.drawArrays(gl.TRIANGLE_FAN, 0, 66);
+}
+
+// Puts the picture that was drawn onto the canvas, over the page's ground.
+function present(width, height) {
+  gl.bindFramebuffer(gl.READ_FRAMEBUFFER, drawn);
+  gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, resolved);
+  gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  gl.viewport(0, 0, width, height);
+  const ground = getComputedStyle(document.body).backgroundColor.match(/\d+/g).slice(0, 3);
+  gl.uniform3fv(at('ground'), ground.map(code => (code / 255) ** 2.2));
+  gl.disable(gl.DEPTH_TEST);
+  drawGround(true, 1, -1);
+  gl.enable(gl.DEPTH_TEST);
 }
 
 // Lets the ground through between yarns, as far as all ribbons before it stop its light. Each sample's stencil counts
@@ -413,14 +432,15 @@ function draw(now) {
   const { width, height, scale } = fit(coarse), fineness = coarse ? 0.4 : 1;
   const seen = camera(width / height);
   seen.pixel = 2 * Math.tan(FOV / 2) / height;
-  const isSampled = !coarse && resizeSharp(width, height);
-  gl.bindFramebuffer(gl.FRAMEBUFFER, isSampled ? sharp : null);
+  prepare(width, height, coarse ? 0 : SAMPLES);
   gl.viewport(0, 0, width, height);
   gl.clearColor(0, 0, 0, 0);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
   gl.uniform3fv(at('lamp'), unit(add(add(seen.back, seen.right, -0.55), seen.up, 0.75)));
   gl.uniform3fv(at('sky'), unit(add(seen.up, seen.back, 0.6)));
   gl.uniform2fv(at('heights'), heights);
+  // With a bar left out, the cloth from afar has other colours than these.
+  gl.uniform1f(at('repeat'), hidden.size ? 1e9 : cloth.repeat_in_radii ?? 1e9);
   const opacity = opacityOf(seen);
   if (opacity < 1) {
     gl.enable(gl.STENCIL_TEST);
@@ -430,10 +450,7 @@ function draw(now) {
   drawYarns(seen, fineness, opacity);
   if (opacity < 1) showThrough(opacity);
   if (loupe.on) drawLoupe(seen, width, height, scale, fineness);
-  if (isSampled) {
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
-    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
-  }
+  present(width, height);
   showScale();
   // The sharp one follows once the view rests, in a frame after the one that shows this one.
   clearTimeout(sharpening);
@@ -583,6 +600,7 @@ draw(performance.now());
 gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
 $('message').textContent = '';
 // The whole cloth stays whole in a window of another shape.
+matchMedia('(prefers-color-scheme: dark)').onchange = () => invalidate();
 new ResizeObserver(() => view.isWhole ? looks.whole() : invalidate()).observe(canvas);
 Object.assign(document.body.dataset, { first: Math.round(performance.now() - started), error: gl.getError() || '' });
 })();

@@ -5,10 +5,14 @@
 precision highp float;
 
 uniform vec3 color, lamp, sky;        // linear; directions
+uniform vec3 colorsFromAfar[2];       // means of what is seen of the front and of the back, linear
+uniform float repeat;                 // its longer side, in radii of the thickest yarn
 uniform vec2 heights;                 // mm of depth at the back and the face of the cloth
 uniform float radius;
 uniform int sides;
 uniform float opacity;                // alpha of what covers the viewport
+uniform sampler2D picture;            // linear light, and how much of the ground's light it stops
+uniform vec3 ground;                  // linear
 
 // How light a place of the cloth is from afar, and how much of the difference between places is left out there.
 const float FAR_OPEN = .62, FAR_SHARE = .8;
@@ -28,6 +32,11 @@ void main() {
     result = vec4(0, 0, 0, opacity);
     return;
   }
+  if (sides < 0) {                    // the finished picture over the ground, with the display's transfer curve
+    vec4 seen = texelFetch(picture, ivec2(gl_FragCoord.xy), 0);
+    result = vec4(pow(seen.rgb + (1. - seen.a) * ground, vec3(1. / 2.2)), 1.);
+    return;
+  }
   vec3 v = -normalize(sight), c = normalize(cloth), f = normalize(along);
   vec3 n = sides == 2 ? normalize(across * side + sqrt(max(0., 1. - across * across)) * front) : normalize(side);
   float facing = dot(c, v) < 0. ? -1. : 1.;
@@ -40,6 +49,9 @@ void main() {
 
   float open = mix(mix(.22, 1., smoothstep(.05, .95, depth)), FAR_OPEN, FAR_SHARE * (1. - near));
   open *= mix(1., .62 + .38 * smoothstep(0., .75, dot(n, v)), near);
+  // Nor does a pixel show which yarns a small repeat is made of. Stripes of a large one stay.
+  float mixed = (1. - smoothstep(.2, .6, size)) * (1. - smoothstep(8., 16., repeat * size));
+  vec3 base = mix(color, colorsFromAfar[facing < 0. ? 1 : 0], mixed);
   float key = max(0., (dot(lit, lamp) + .18) / 1.18);
   float dome = .5 + .5 * dot(lit, sky);
   vec3 h = normalize(lamp + v);
@@ -53,9 +65,8 @@ void main() {
     filament = sin(15. * turn + 6. * phase) * smoothstep(5., 12., size);
     open *= 1. - .16 * hollow * hollow;
   }
-  vec3 light = color * (1. + .05 * filament) * open * (.92 * key + .34 * dome)
-    + open * (color * .22 * sheen * dome + vec3(.10) * shine * near * key);
-  // A soft shoulder keeps white yarns from running out, then the display's transfer curve.
-  light = light / (1. + .18 * max(light.r, max(light.g, light.b)));
-  result = vec4(pow(light, vec3(1. / 2.2)), 1.);
+  vec3 light = base * (1. + .05 * filament) * open * (.92 * key + .34 * dome)
+    + open * (base * .22 * sheen * dome + vec3(.10) * shine * near * key);
+  // A soft shoulder keeps white yarns from running out.
+  result = vec4(light / (1. + .18 * max(light.r, max(light.g, light.b))), 1.);
 }

@@ -18,7 +18,7 @@ uniform float grid, radius, pixel;    // mm; mm; mm a pixel has at a distance of
 uniform float twist;                  // radians an entry
 uniform vec2 heights;                 // mm of depth at 0 and at 255
 uniform float opacity;                // of a ribbon: the yarn's width over its own
-uniform ivec3 shape;                  // first entry; rings an entry; sides
+uniform ivec3 shape;                  // first entry; rings an entry; sides. Without sides: a disc, or 1 for all pixels
 
 out vec3 sight, side, front, along, cloth;
 out float across, height, size, around, phase;
@@ -40,7 +40,7 @@ vec3 slope(vec3 a, vec3 b) {
 
 void main() {
   int sides = shape.z, ring, corner;
-  if (sides == 0) {                   // a fan of 64 triangles behind everything: a disc, or more than the viewport
+  if (sides <= 0) {                   // a fan of 64 triangles behind everything: a disc, or more than the viewport
     float turn = 6.2831853 * float(gl_VertexID - 1) / 64., reach = shape.x == 1 ? 1.5 : 1.;
     gl_Position = vec4(gl_VertexID == 0 ? vec2(0) : reach * vec2(cos(turn), sin(turn)), 1., 1.);
     return;

@@ -5,8 +5,9 @@
 //! ([`warpknit_core::knit::numbers`]), also where it is drawn larger.
 
 use warpknit_core::fabric::{Fabric, Structure};
-use warpknit_core::knit::Pattern;
+use warpknit_core::ids::index32;
 use warpknit_core::knit::numbers::{self, Numbers};
+use warpknit_core::knit::{Pattern, cover};
 
 /// Characters of a lapping that a page shows. Patterned nets have chains of a thousand.
 const LAPPING: usize = 120;
@@ -24,6 +25,11 @@ pub struct Facts {
     /// It is 1 for yarns that lie at random, more where they lie beside each other, and less where
     /// they lie behind each other. It is unknown without a fabric.
     pub depth_of_yarns: Option<f64>,
+    /// The share that each system has of the yarn that is seen, from the front and from the back.
+    pub visible_shares: [Vec<f64>; 2],
+    /// Wale spacing of the threading's repeat or course spacing of the lapping's, the longer one, over
+    /// the thickest yarn's radius. It is unknown without a fabric.
+    pub repeat_in_radii: Option<f64>,
 }
 
 /// The most cover whose optical depth counts: a raster can't tell more from all of it.
@@ -43,23 +49,27 @@ impl Facts {
     #[must_use]
     pub fn measured(fabric: &Fabric) -> Self {
         let real = Fabric { enlargement: 1.0, ..fabric.clone() };
-        Self::new(&real, &numbers::measure(&real, &Pattern::new(&real)), 1.0)
+        let pattern = Pattern::new(&real);
+        Self::new(&real, &numbers::measure(&real, &pattern), (&real, &pattern))
     }
 
-    /// The facts of a fabric whose numbers are known, and whose loops are drawn so many times as
-    /// large as they are.
+    /// The facts of a fabric whose numbers are known, and which is shown as another one is: its loops
+    /// drawn larger, say.
     ///
     /// ```
     /// use warpknit_core::{fabric::Fabric, knit::{Pattern, numbers}};
     /// use warpknit_export::Facts;
     /// let tricot = Fabric::named("tricot")?;
-    /// let facts = Facts::new(&tricot, &numbers::measure(&tricot, &Pattern::new(&tricot)), 1.0);
+    /// let pattern = Pattern::new(&tricot);
+    /// let numbers = numbers::measure(&tricot, &pattern);
+    /// let facts = Facts::new(&tricot, &numbers, (&tricot, &pattern));
     /// assert_eq!(facts.systems[0].name, "Bar 1");
     /// assert!(facts.cloth.iter().any(|(label, _)| *label == "Mass"));
     /// # Ok::<(), warpknit_core::fabric::FabricError>(())
     /// ```
     #[must_use]
-    pub fn new(fabric: &Fabric, numbers: &Numbers, drawn: f64) -> Self {
+    pub fn new(fabric: &Fabric, numbers: &Numbers, shown: (&Fabric, &Pattern)) -> Self {
+        let drawn = fabric.wales_per_cm / shown.0.wales_per_cm;
         let mut cloth = vec![
             ("Wales", format!("{} /cm", rounded(fabric.wales_per_cm))),
             ("Courses", format!("{} /cm", rounded(fabric.courses_per_cm))),
@@ -88,8 +98,18 @@ impl Facts {
             systems: systems.collect(),
             cloth,
             depth_of_yarns: depth_of_yarns(fabric, numbers),
+            visible_shares: cover::visible_shares(shown.0, shown.1),
+            repeat_in_radii: Some(repeat_in_radii(shown.0)),
         }
     }
+}
+
+/// [`Facts::repeat_in_radii`].
+fn repeat_in_radii(fabric: &Fabric) -> f64 {
+    let [wales, courses] =
+        [fabric.threading_repeat(), fabric.repeat()].map(|count| f64::from(index32(count)));
+    let longer = (wales * fabric.wale_spacing()).max(courses * fabric.course_spacing());
+    longer / fabric.radius()
 }
 
 /// [`Facts::depth_of_yarns`].
@@ -125,8 +145,11 @@ mod tests {
     #[test]
     fn a_page_has_the_numbers_of_a_fabric_and_of_its_bars() {
         let fabric = Fabric::named("locknit").unwrap();
-        let numbers = numbers::measure(&fabric, &Pattern::new(&fabric));
-        let facts = Facts::new(&fabric, &numbers, 2.0);
+        let pattern = Pattern::new(&fabric);
+        let numbers = numbers::measure(&fabric, &pattern);
+        let [wales, courses] = [fabric.wales_per_cm / 2.0, fabric.courses_per_cm / 2.0];
+        let larger = fabric.clone().at_densities(wales, courses).unwrap();
+        let facts = Facts::new(&fabric, &numbers, (&larger, &Pattern::new(&larger)));
         assert_eq!(facts.cloth[0], ("Wales", format!("{} /cm", rounded(fabric.wales_per_cm))));
         assert_eq!(facts.cloth.last(), Some(&("Loops drawn", "2.0 × true size".to_owned())));
         let run_in = format!("run-in {:.0} mm/rack", numbers.run_in[1].unwrap());

@@ -16,12 +16,14 @@ use std::io::{self, BufWriter, Seek, Write};
 
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
+use glam::Vec3;
 use serde_json::json;
 
 use super::base64::Base64;
 use super::html_lines::{CentreLines, PageGrid};
 use super::{ClothInfo, Destination, ExportError, Facts, Sink, StrandStyle};
 use warpknit_core::drape::Block;
+use warpknit_core::number::narrow;
 
 /// The most stitches of a page. A page of as many takes some 20 MB.
 pub const MOST_STITCHES: u64 = 500_000;
@@ -43,8 +45,8 @@ pub struct HtmlWriter<W> {
     name: String,
     styles: Vec<StrandStyle>,
     facts: Facts,
-    /// [`Facts::depth_of_yarns`], or of fibres, which lie in yarns nearly at random.
-    optical_depth: f64,
+    /// Whether the page has fibres in the place of yarns.
+    has_fibres: bool,
     stitches: u64,
     lines: CentreLines,
 }
@@ -60,11 +62,7 @@ impl<W: Write + Seek + Send> HtmlWriter<W> {
             name: cloth.name.clone(),
             styles: cloth.strands.clone(),
             facts: cloth.facts.clone(),
-            optical_depth: cloth
-                .facts
-                .depth_of_yarns
-                .filter(|_| cloth.bundles.is_empty())
-                .unwrap_or(1.0),
+            has_fibres: !cloth.bundles.is_empty(),
             stitches: 0,
             lines: CentreLines::default(),
         })
@@ -84,6 +82,15 @@ impl<W: Write + Seek + Send> HtmlWriter<W> {
         }
     }
 
+    /// The mean colours of what is seen of the front and of the back, linear.
+    fn colors_from_afar(&self) -> [[f32; 3]; 2] {
+        self.facts.visible_shares.each_ref().map(|shares| {
+            let colors = self.styles.iter().map(|style| Vec3::from_array(style.color.linear()));
+            let sum: Vec3 = colors.zip(shares).map(|(color, share)| color * narrow(*share)).sum();
+            sum.to_array()
+        })
+    }
+
     /// What the script needs to know besides the yarns' points.
     fn cloth(&self, grid: &PageGrid) -> String {
         let bars = self.styles.iter().enumerate().map(|(bar, style)| {
@@ -100,7 +107,10 @@ impl<W: Write + Seek + Send> HtmlWriter<W> {
             "about": self.facts.about,
             "bars": bars.collect::<Vec<_>>(),
             "facts": self.facts.cloth,
-            "optical_depth": self.optical_depth,
+            // Fibres lie in yarns nearly at random.
+            "optical_depth": self.facts.depth_of_yarns.filter(|_| !self.has_fibres).unwrap_or(1.0),
+            "colors_from_afar": self.colors_from_afar(),
+            "repeat_in_radii": self.facts.repeat_in_radii.filter(|_| !self.has_fibres),
             "points": self.lines.points(),
             "strands": self.lines.strands(),
             "runs": self.lines.runs(),

@@ -1,7 +1,9 @@
-//! Cover factor and thickness of cloth: its yarns rasterised as solid bodies.
+//! Cover factor and thickness of cloth, and what is seen of each bar: its yarns rasterised as solid
+//! bodies.
 //!
 //! In: a fabric and its [`Pattern`]. Out: a [`MeasuredBody`]: the share of the flat area that yarns hide,
-//! seen from the front, and the distance from the lowest to the highest yarn surface.
+//! seen from the front, and the distance from the lowest to the highest yarn surface. And
+//! [`visible_shares`].
 //!
 //! Method: paths are sampled 12 times a span, and the capsules around their segments are rasterised
 //! by point sampling, over one repeat with all yarns that reach into it. Cost: some 20 ms for a
@@ -27,6 +29,8 @@ const MAX_POINTS: f64 = 4e6;
 /// The most courses and wales that are measured.
 const MAX_COURSES: usize = 24;
 const MAX_WALES: usize = 16;
+/// The same for [`visible_shares`], which tell colours apart.
+const VISIBLE_SAMPLES_PER_STITCH: f64 = 48.0;
 /// Segments of each span between data points. Fewer shorten bends visibly; more change the share by
 /// less than the raster does.
 const SAMPLES: u32 = 12;
@@ -46,14 +50,80 @@ pub(super) fn measure(fabric: &Fabric, pattern: &Pattern) -> MeasuredBody {
 }
 
 fn measure_at(fabric: &Fabric, pattern: &Pattern, samples_per_stitch: f64) -> MeasuredBody {
-    let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+    let cell = cell(fabric);
+    let raster = Raster::new(cell, pitch(fabric, samples_per_stitch));
+    let mut hidden = vec![false; raster.points()];
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    each_capsule(fabric, pattern, cell, |capsule, _| {
+        if raster.each_point(capsule, |point, _, _| hidden[point] = true) {
+            let Capsule { from, to, radius } = capsule;
+            (low, high) = (low.min(from.z.min(to.z) - radius), high.max(from.z.max(to.z) + radius));
+        }
+    });
+    let count = index32(hidden.iter().filter(|hidden| **hidden).count());
+    let cover = f64::from(count) / f64::from(index32(hidden.len()));
+    MeasuredBody { cover, thickness: (high - low).max(0.0) }
+}
+
+/// The share that each bar has of the yarn that is seen: from the front, and from the back. Cost: a
+/// tenth of the cover factor's.
+#[must_use]
+pub fn visible_shares(fabric: &Fabric, pattern: &Pattern) -> [Vec<f64>; 2] {
+    let cell = cell(fabric);
+    let raster = Raster::new(cell, pitch(fabric, VISIBLE_SAMPLES_PER_STITCH));
+    // How far out the outermost yarn lies on the front and on the back of each point, and its bar.
+    let mut outermost = vec![[(f64::NEG_INFINITY, 0); 2]; raster.points()];
+    each_capsule(fabric, pattern, cell, |capsule, bar| {
+        raster.each_point(capsule, |point, height, half| {
+            for (side, out) in [height + half, half - height].into_iter().enumerate() {
+                if out > outermost[point][side].0 {
+                    outermost[point][side] = (out, bar);
+                }
+            }
+        });
+    });
+    let bars = fabric.yarn_systems();
+    [0, 1].map(|side| {
+        let mut counts = vec![0_u32; bars];
+        let seen = outermost.iter().map(|sides| sides[side]);
+        for (_, bar) in seen.filter(|(height, _)| height.is_finite()) {
+            counts[bar] += 1;
+        }
+        let all = f64::from(counts.iter().sum::<u32>().max(1));
+        counts.into_iter().map(|count| f64::from(count) / all).collect()
+    })
+}
+
+/// The part of the repeat that is measured, mm.
+fn cell(fabric: &Fabric) -> DVec2 {
     let (wales, courses) =
         (fabric.threading_repeat().min(MAX_WALES), fabric.repeat().min(MAX_COURSES));
-    let cell = spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses)));
-    let pitch =
-        (spacing.min_element() / samples_per_stitch).max((cell.x * cell.y / MAX_POINTS).sqrt());
-    let mut raster = CoverRaster::new(cell, pitch);
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let counts = DVec2::new(f64::from(index32(wales)), f64::from(index32(courses)));
+    counts * DVec2::new(fabric.wale_spacing(), fabric.course_spacing())
+}
+
+/// Distance of a raster's points, mm.
+fn pitch(fabric: &Fabric, samples_per_stitch: f64) -> f64 {
+    let shorter = fabric.wale_spacing().min(fabric.course_spacing());
+    (shorter / samples_per_stitch).max((cell(fabric).element_product() / MAX_POINTS).sqrt())
+}
+
+/// A straight piece of yarn with round ends.
+#[derive(Clone, Copy)]
+struct Capsule {
+    from: DVec3,
+    to: DVec3,
+    radius: f64,
+}
+
+/// Calls `take` with the straight pieces of all yarns in a cell or near it, and with their bar.
+fn each_capsule(
+    fabric: &Fabric,
+    pattern: &Pattern,
+    cell: DVec2,
+    mut take: impl FnMut(Capsule, usize),
+) {
+    let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     // No span between data points is much longer than a wale or a course.
     let reach = 1.5 * spacing.max_element() + fabric.radius();
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
@@ -89,31 +159,23 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, samples_per_stitch: f64) -> Me
                 let mut from = knitted.points[index];
                 for step in 1..=SAMPLES {
                     let to = span.at(f64::from(step) / f64::from(SAMPLES));
-                    if raster.add_capsule(from, to, radius) {
-                        (low, high) = (
-                            low.min(from.z.min(to.z) - radius),
-                            high.max(from.z.max(to.z) + radius),
-                        );
-                    }
+                    take(Capsule { from, to, radius }, bar);
                     from = to;
                 }
             }
         }
     }
-    MeasuredBody { cover: raster.hidden_share(), thickness: (high - low).max(0.0) }
 }
 
-/// Sample points of a repeat, each at the middle of its square.
-struct CoverRaster {
+/// Sample points of a repeat, each at the middle of its square, row after row.
+struct Raster {
     /// Columns and rows.
     size: [usize; 2],
     /// Sides of a square, mm.
     pitch: DVec2,
-    /// Whether a yarn hides the point, row after row.
-    hidden: Vec<bool>,
 }
 
-impl CoverRaster {
+impl Raster {
     fn new(cell: DVec2, pitch: f64) -> Self {
         #[expect(
             clippy::cast_possible_truncation,
@@ -122,12 +184,17 @@ impl CoverRaster {
         )]
         let size = (cell / pitch).ceil().to_array().map(|count| count as usize);
         let pitch = cell / DVec2::new(f64::from(index32(size[0])), f64::from(index32(size[1])));
-        Self { size, pitch, hidden: vec![false; size[0] * size[1]] }
+        Self { size, pitch }
     }
 
-    /// Marks the points behind a capsule as hidden. Returns whether its bounding box meets the
-    /// raster.
-    fn add_capsule(&mut self, from: DVec3, to: DVec3, radius: f64) -> bool {
+    fn points(&self) -> usize {
+        self.size[0] * self.size[1]
+    }
+
+    /// Calls `take` with the number of each point behind a capsule, the height of its axis there, and
+    /// half of its thickness. Returns whether its bounding box meets the raster.
+    fn each_point(&self, capsule: Capsule, mut take: impl FnMut(usize, f64, f64)) -> bool {
+        let Capsule { from, to, radius } = capsule;
         let (p, q) = (from.xy(), to.xy());
         let (low, high) = ((p.min(q) - radius) / self.pitch, (p.max(q) + radius) / self.pitch);
         #[expect(
@@ -153,16 +220,14 @@ impl CoverRaster {
                     * self.pitch
                     - p;
                 let share = (middle.dot(along) * scale).clamp(0.0, 1.0);
-                self.hidden[row * self.size[0] + column] |=
-                    (middle - along * share).length_squared() < radius * radius;
+                let half = radius * radius - (middle - along * share).length_squared();
+                if half > 0.0 {
+                    let height = from.z + share * (to.z - from.z);
+                    take(row * self.size[0] + column, height, half.sqrt());
+                }
             }
         }
         true
-    }
-
-    fn hidden_share(&self) -> f64 {
-        f64::from(index32(self.hidden.iter().filter(|hidden| **hidden).count()))
-            / f64::from(index32(self.hidden.len()))
     }
 }
 
@@ -194,6 +259,24 @@ mod tests {
             2.0 * fabric.radius() / fabric.course_spacing(),
         );
         assert!((body.cover - (x + y - x * y)).abs() < 0.005, "{} {x} {y}", body.cover);
+    }
+
+    /// Wefts lie behind inlays, so that of each crossing the front sees one and the back the other.
+    #[test]
+    fn of_crossing_yarns_each_side_sees_the_outer_ones_whole() {
+        let fabric = of_chains(&["0-0//", "weft"]);
+        let [front, back] = visible_shares(&fabric, &Pattern::new(&fabric));
+        let (x, y) = (
+            2.0 * fabric.radius() / fabric.wale_spacing(),
+            2.0 * fabric.radius() / fabric.course_spacing(),
+        );
+        let all = x + y - x * y;
+        // Which of them is in front is the layout's to say.
+        let (outer, inner) = if front[0] > back[0] { (&front, &back) } else { (&back, &front) };
+        for (found, share) in [(outer[0], x / all), (inner[1], y / all)] {
+            assert!((found - share).abs() < 0.02, "{front:?} {back:?}, not {share}");
+        }
+        assert!((front[0] + front[1] - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -17,7 +17,7 @@
 mod cell_list;
 mod chain;
 pub mod clearance;
-mod cover;
+pub mod cover;
 mod lattice;
 pub mod links;
 mod loops;
