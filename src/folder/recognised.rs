@@ -47,13 +47,20 @@ pub fn warnings(found: &Recognition) -> Vec<String> {
                 .to_owned(),
         );
     }
-    if let [best, next, ..] = &found.ranked[..]
-        && !found.is_sure()
-    {
-        warnings.push(format!(
+    if found.is_sure() {
+        return warnings;
+    }
+    match &found.ranked[..] {
+        [best, ..] if !found.is_explained() => warnings.push(format!(
+            "not sure: {} leaves {:.0} % of the repeat unexplained; compare the pictures",
+            best.fabric.name,
+            100.0 * found.unexplained()
+        )),
+        [best, next, ..] => warnings.push(format!(
             "not sure: {} explains the photo about as well as {}; compare the pictures",
             next.fabric.name, best.fabric.name
-        ));
+        )),
+        _ => {}
     }
     warnings
 }

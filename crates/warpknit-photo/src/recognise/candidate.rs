@@ -127,6 +127,11 @@ pub(super) fn warp_knits() -> &'static [Candidate] {
     })
 }
 
+/// Whether a cloth is one of [`warp_knits`], or a weft knit.
+pub(super) fn is_known(cloth: &Candidate) -> bool {
+    cloth.key.is_none() || warp_knits().iter().any(|known| known.key == cloth.key)
+}
+
 /// Weft knits by their charts: jersey, reverse jersey, both ribs and garter.
 const CHARTS: [(&str, &str); 5] =
     [("jersey", "k"), ("jersey", "p"), ("rib-1x1", "kp"), ("rib-2x2", "kkpp"), ("garter", "p\nk")];
