@@ -60,7 +60,7 @@ pub(crate) fn given(fabric: &Bound<'_, PyAny>) -> PyResult<fabric::Fabric> {
     fabric::Fabric::named(&name).map_err(|error| error::of_fabric(&error, None))
 }
 
-/// Warns the Python user in words of the command.
+/// Warns the Python user in the words of the command, with keywords for its flags.
 pub(crate) fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
     let text = error::with_keywords(text);
     // Texts have no zero bytes. One that had would lose what stands behind it.

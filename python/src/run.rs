@@ -3,7 +3,7 @@
 //! In: a garment and a fabric, or a fabric and a size. Out: `Yarns`. Densities, limits and the cache
 //! of strained repeats are those of the command.
 //!
-//! Of work that Ctrl-C has ended, the strained repeats that were solved are kept.
+//! Strained repeats that were solved are kept, also where nobody waited for the end of the work.
 
 use std::path::PathBuf;
 use std::sync::Arc;

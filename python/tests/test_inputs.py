@@ -206,6 +206,12 @@ def test_arrays_that_hold_no_garment(flat: object, draped: object, faces: object
     assert "\n" not in str(caught.value)
 
 
+def test_garments_warn_of_what_they_lack() -> None:
+    with pytest.warns(UserWarning, match="1 triangles have no flat area"):
+        garment = warpknit.Garment.from_arrays(SQUARE, BODY, np.vstack([FACES, [[0, 1, 1]]]).astype(np.uint32))
+    assert len(garment.warnings) == 1
+
+
 def test_garment_files(meshes: Path, tmp_path: Path) -> None:
     garment = warpknit.Garment.load(str(meshes / "tshirt.obj"))
     assert garment.panels > 1 and "panels" in repr(garment)

@@ -26,8 +26,8 @@ use warpknit::pipeline::{Listener as _, Task, check_distinct};
 /// Longest layout file, bytes. One of 64 segments has some thousands.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// The least length of a repeat in which strands of no known structure are looked for, pixels. Of
-/// two real photos of smaller ones the strands were guesses; weaves were right from 7 on.
+/// The least length of a repeat in which strands of no known structure are believed, pixels. In two
+/// real photos of 3 and 4 they were guesses; a weave of 7 was right.
 const LEAST_CELL: f64 = 6.0;
 
 /// Captures a photo. The folder appears only when all of its files are whole.

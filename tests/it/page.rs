@@ -116,7 +116,7 @@ fn a_browser_draws_turns_and_magnifies_pages_and_fetches_nothing() {
             // Its loops are finer than pixels: each part of it then has the colour of the whole.
             "large.html" => assert!(number("uneven=") <= 12, "{page}: {found}"),
             // Its yarns are a fifth of a pixel wide, and cover a fifth of the cloth.
-            "sheer.html" => assert!(number("stops=").abs_diff(20) <= 3, "{page}: {found}"),
+            "sheer.html" => assert!(number("stops=").abs_diff(20) <= 1, "{page}: {found}"),
             _ => {}
         }
     }

@@ -145,7 +145,7 @@ function fit(coarse) {
   return { width, height, scale };
 }
 fit(true);
-const gl = canvas.getContext('webgl2', { antialias: false, alpha: false, depth: false });
+const gl = canvas.getContext('webgl2', { antialias: false, alpha: true, depth: false });
 if (!gl) return fail('This page needs WebGL 2, which this browser or its settings do not offer.');
 if (!self.DecompressionStream) return fail('This browser is too old for this page: it needs one of 2023 or later.');
 
@@ -193,9 +193,9 @@ const layers = [[gl.SRGB8_ALPHA8, gl.COLOR_ATTACHMENT0], [gl.DEPTH24_STENCIL8, g
 });
 let drawnAs = '';
 function prepare(width, height, samples) {
-  const size = `${width} x ${height}, ${samples}`;
-  if (size !== drawnAs) {
-    drawnAs = size;
+  const asked = `${width} x ${height}, ${samples}`;
+  if (asked !== drawnAs) {
+    drawnAs = asked;
     for (const { buffer, format } of layers) {
       gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
       gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, width, height);
@@ -205,6 +205,8 @@ function prepare(width, height, samples) {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, textures[2], 0);
   }
   gl.bindFramebuffer(gl.FRAMEBUFFER, drawn);
+  // A card without the memory for four samples may have that for one.
+  if (samples && gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE) prepare(width, height, 0);
 }
 gl.enable(gl.DEPTH_TEST);
 gl.uniform1f(at('grid'), cloth.step);
@@ -255,8 +257,8 @@ function present(width, height) {
 }
 
 // Lets the ground through between yarns, as far as all ribbons before it stop its light. Each sample's stencil counts
-// them, in any order and behind others too. Light that passes one of them passes n of them n times: a product over the
-// binary digits of n, in the canvas' alpha.
+// them, in any order and behind others too. Where n of them let the share p through each, p to the power of n passes: a
+// product over the binary digits of n, which gathers in the framebuffer's alpha.
 function showThrough(opacity) {
   gl.disable(gl.DEPTH_TEST);
   gl.stencilOp(gl.KEEP, gl.KEEP, gl.KEEP);
@@ -440,7 +442,7 @@ function draw(now) {
   gl.uniform3fv(at('sky'), unit(add(seen.up, seen.back, 0.6)));
   gl.uniform2fv(at('heights'), heights);
   // With a bar left out, the cloth from afar has other colours than these.
-  gl.uniform1f(at('repeat'), hidden.size ? 1e9 : cloth.repeat_in_radii ?? 1e9);
+  gl.uniform1f(at('repeat'), hidden.size ? 1e9 : cloth.repeat ?? 1e9);
   const opacity = opacityOf(seen);
   if (opacity < 1) {
     gl.enable(gl.STENCIL_TEST);
@@ -600,7 +602,8 @@ draw(performance.now());
 gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
 $('message').textContent = '';
 // The whole cloth stays whole in a window of another shape.
-matchMedia('(prefers-color-scheme: dark)').onchange = () => invalidate();
 new ResizeObserver(() => view.isWhole ? looks.whole() : invalidate()).observe(canvas);
+// Its ground is the page's, whose colours may change.
+matchMedia('(prefers-color-scheme: dark)').onchange = () => invalidate();
 Object.assign(document.body.dataset, { first: Math.round(performance.now() - started), error: gl.getError() || '' });
 })();

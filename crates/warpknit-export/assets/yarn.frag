@@ -6,12 +6,12 @@ precision highp float;
 
 uniform vec3 color, lamp, sky;        // linear; directions
 uniform vec3 colorsFromAfar[2];       // means of what is seen of the front and of the back, linear
-uniform float repeat;                 // its longer side, in radii of the thickest yarn
+uniform float repeat;                 // the longer side of the fabric's repeat, mm
 uniform vec2 heights;                 // mm of depth at the back and the face of the cloth
 uniform float radius;
 uniform int sides;
 uniform float opacity;                // alpha of what covers the viewport
-uniform sampler2D picture;            // linear light, and how much of the ground's light it stops
+uniform highp sampler2D picture;            // linear light, and how much of the ground's light it stops
 uniform vec3 ground;                  // linear
 
 // How light a place of the cloth is from afar, and how much of the difference between places is left out there.
@@ -50,7 +50,7 @@ void main() {
   float open = mix(mix(.22, 1., smoothstep(.05, .95, depth)), FAR_OPEN, FAR_SHARE * (1. - near));
   open *= mix(1., .62 + .38 * smoothstep(0., .75, dot(n, v)), near);
   // Nor does a pixel show which yarns a small repeat is made of. Stripes of a large one stay.
-  float mixed = (1. - smoothstep(.2, .6, size)) * (1. - smoothstep(8., 16., repeat * size));
+  float mixed = (1. - smoothstep(.2, .6, size)) * (1. - smoothstep(8., 16., repeat * size / radius));
   vec3 base = mix(color, colorsFromAfar[facing < 0. ? 1 : 0], mixed);
   float key = max(0., (dot(lit, lamp) + .18) / 1.18);
   float dome = .5 + .5 * dot(lit, sky);

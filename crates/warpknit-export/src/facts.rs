@@ -1,7 +1,8 @@
 //! What a page says in words and numbers of the fabric that it shows.
 //!
 //! In: a fabric. Out: [`Facts`]: its densities, mass and thickness, and what each of its bars,
-//! feeders or strands is made of. The numbers are those of the real cloth
+//! feeders or strands is made of; and what yarns finer than pixels look like together: how much
+//! light they stop, and which of them are seen. The numbers are those of the real cloth
 //! ([`warpknit_core::knit::numbers`]), also where it is drawn larger.
 
 use warpknit_core::fabric::{Fabric, Structure};
@@ -27,9 +28,8 @@ pub struct Facts {
     pub depth_of_yarns: Option<f64>,
     /// The share that each system has of the yarn that is seen, from the front and from the back.
     pub visible_shares: [Vec<f64>; 2],
-    /// Wale spacing of the threading's repeat or course spacing of the lapping's, the longer one, over
-    /// the thickest yarn's radius. It is unknown without a fabric.
-    pub repeat_in_radii: Option<f64>,
+    /// The longer side of the repeat as it is shown, mm. It is unknown without a fabric.
+    pub repeat: Option<f64>,
 }
 
 /// The most cover whose optical depth counts: a raster can't tell more from all of it.
@@ -99,17 +99,16 @@ impl Facts {
             cloth,
             depth_of_yarns: depth_of_yarns(fabric, numbers),
             visible_shares: cover::visible_shares(shown.0, shown.1),
-            repeat_in_radii: Some(repeat_in_radii(shown.0)),
+            repeat: Some(longer_side(shown.0)),
         }
     }
 }
 
-/// [`Facts::repeat_in_radii`].
-fn repeat_in_radii(fabric: &Fabric) -> f64 {
+/// [`Facts::repeat`].
+fn longer_side(fabric: &Fabric) -> f64 {
     let [wales, courses] =
         [fabric.threading_repeat(), fabric.repeat()].map(|count| f64::from(index32(count)));
-    let longer = (wales * fabric.wale_spacing()).max(courses * fabric.course_spacing());
-    longer / fabric.radius()
+    (wales * fabric.wale_spacing()).max(courses * fabric.course_spacing())
 }
 
 /// [`Facts::depth_of_yarns`].
@@ -164,8 +163,7 @@ mod tests {
         assert!(jersey.cloth.iter().all(|(label, _)| *label != "Loops drawn"));
     }
 
-    /// Yarns of nets and warp knits cross each other more often than by chance, and those of a jersey
-    /// less often.
+    /// Yarns of this net cross each other more often than by chance, and those of a jersey less often.
     #[test]
     fn the_optical_depth_of_yarns_is_that_of_the_cover() {
         for (name, depth) in [("hex-net-5", 0.9), ("jersey", 1.55)] {

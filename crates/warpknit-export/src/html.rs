@@ -110,7 +110,7 @@ impl<W: Write + Seek + Send> HtmlWriter<W> {
             // Fibres lie in yarns nearly at random.
             "optical_depth": self.facts.depth_of_yarns.filter(|_| !self.has_fibres).unwrap_or(1.0),
             "colors_from_afar": self.colors_from_afar(),
-            "repeat_in_radii": self.facts.repeat_in_radii.filter(|_| !self.has_fibres),
+            "repeat": self.facts.repeat.filter(|_| !self.has_fibres),
             "points": self.lines.points(),
             "strands": self.lines.strands(),
             "runs": self.lines.runs(),

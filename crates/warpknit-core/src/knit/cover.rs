@@ -29,7 +29,7 @@ const MAX_POINTS: f64 = 4e6;
 /// The most courses and wales that are measured.
 const MAX_COURSES: usize = 24;
 const MAX_WALES: usize = 16;
-/// The same for [`visible_shares`], which tell colours apart.
+/// [`SAMPLES_PER_STITCH`] of [`visible_shares`], which tell colours apart and need fewer.
 const VISIBLE_SAMPLES_PER_STITCH: f64 = 48.0;
 /// Segments of each span between data points. Fewer shorten bends visibly; more change the share by
 /// less than the raster does.
@@ -261,7 +261,7 @@ mod tests {
         assert!((body.cover - (x + y - x * y)).abs() < 0.005, "{} {x} {y}", body.cover);
     }
 
-    /// Wefts lie behind inlays, so that of each crossing the front sees one and the back the other.
+    /// The front sees the yarn that lies higher at a crossing, and the back the other.
     #[test]
     fn of_crossing_yarns_each_side_sees_the_outer_ones_whole() {
         let fabric = of_chains(&["0-0//", "weft"]);
@@ -271,9 +271,13 @@ mod tests {
             2.0 * fabric.radius() / fabric.course_spacing(),
         );
         let all = x + y - x * y;
-        // Which of them is in front is the layout's to say.
-        let (outer, inner) = if front[0] > back[0] { (&front, &back) } else { (&back, &front) };
-        for (found, share) in [(outer[0], x / all), (inner[1], y / all)] {
+        let mut heights = [0.0; 2];
+        each_capsule(&fabric, &Pattern::new(&fabric), cell(&fabric), |capsule, bar| {
+            heights[bar] = capsule.from.z;
+        });
+        let (inlay, weft) =
+            if heights[0] > heights[1] { (front[0], back[1]) } else { (back[0], front[1]) };
+        for (found, share) in [(inlay, x / all), (weft, y / all)] {
             assert!((found - share).abs() < 0.02, "{front:?} {back:?}, not {share}");
         }
         assert!((front[0] + front[1] - 1.0).abs() < 1e-12);
