@@ -8,7 +8,7 @@
 use warpknit_core::fabric::{Fabric, Structure};
 use warpknit_core::ids::index32;
 use warpknit_core::knit::numbers::{self, Numbers};
-use warpknit_core::knit::{Pattern, cover};
+use warpknit_core::knit::{Pattern, visible_shares};
 
 /// Characters of a lapping that a page shows. Patterned nets have chains of a thousand.
 const LAPPING: usize = 120;
@@ -98,7 +98,7 @@ impl Facts {
             systems: systems.collect(),
             cloth,
             depth_of_yarns: depth_of_yarns(fabric, numbers),
-            visible_shares: cover::visible_shares(shown.0, shown.1),
+            visible_shares: visible_shares(shown.0, shown.1),
             repeat: Some(longer_side(shown.0)),
         }
     }

@@ -17,7 +17,7 @@
 mod cell_list;
 mod chain;
 pub mod clearance;
-pub mod cover;
+mod cover;
 mod lattice;
 pub mod links;
 mod loops;
@@ -41,6 +41,7 @@ use crate::fabric::{
 };
 use crate::ids::index32;
 use chain::ControlChain;
+pub use cover::visible_shares;
 use lattice::WaleLattice;
 use mesh::StructureMesh;
 pub use points::{Bed, Knitted, PointKind, Tag};
