@@ -12,6 +12,7 @@ const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 
 const WIDTH = 2048;                    // of the textures; yarn.vert knows it too
 const END = 256;                       // flag of the entries behind a strand's last point
+const LIGHT = 0, PICTURE = -1;         // what fills an area, in the place of a yarn's sides; yarn.frag knows them too
 const FOV = Math.PI / 6;
 const THINNEST = 0.6;                  // pixels to each side of a ribbon: thinner ones would break up into dots
 
@@ -191,9 +192,9 @@ const layers = [[gl.SRGB8_ALPHA8, gl.COLOR_ATTACHMENT0], [gl.DEPTH24_STENCIL8, g
   gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
   return { buffer, format };
 });
-let drawnAs = '';
-function prepare(width, height, samples) {
-  const asked = `${width} x ${height}, ${samples}`;
+let drawnAs = '', mostSamples = SAMPLES;
+function prepare(width, height, wanted) {
+  const samples = Math.min(wanted, mostSamples), asked = `${width} x ${height}, ${samples}`;
   if (asked !== drawnAs) {
     drawnAs = asked;
     for (const { buffer, format } of layers) {
@@ -206,7 +207,10 @@ function prepare(width, height, samples) {
   }
   gl.bindFramebuffer(gl.FRAMEBUFFER, drawn);
   // A card without the memory for four samples may have that for one.
-  if (samples && gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE) prepare(width, height, 0);
+  if (samples && gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE) {
+    mostSamples = 0;
+    prepare(width, height, 0);
+  }
 }
 gl.enable(gl.DEPTH_TEST);
 gl.uniform1f(at('grid'), cloth.step);
@@ -234,11 +238,11 @@ function opacityOf({ pixel, distance }) {
   return Math.min(1, mean / (THINNEST * pixel * distance));
 }
 
-// A disc as wide as the viewport, or what covers all of it, behind everything.
-function drawGround(coversAll, veil, sides = 0) {
-  gl.uniform1i(at('sides'), sides);
-  gl.uniform3i(at('shape'), coversAll, 1, sides);
-  gl.uniform1f(at('opacity'), veil);
+// Fills the viewport, or a disc as wide as it, behind everything: with light of an opacity, or with the picture.
+function fill(paint, opacity = 1, isDisc = false) {
+  gl.uniform1i(at('sides'), paint);
+  gl.uniform3i(at('shape'), !isDisc, 1, paint);
+  gl.uniform1f(at('opacity'), opacity);
   gl.drawArrays(gl.TRIANGLE_FAN, 0, 66);
 }
 
@@ -252,7 +256,7 @@ function present(width, height) {
   const ground = getComputedStyle(document.body).backgroundColor.match(/\d+/g).slice(0, 3);
   gl.uniform3fv(at('ground'), ground.map(code => (code / 255) ** 2.2));
   gl.disable(gl.DEPTH_TEST);
-  drawGround(true, 1, -1);
+  fill(PICTURE);
   gl.enable(gl.DEPTH_TEST);
 }
 
@@ -271,7 +275,7 @@ function showThrough(opacity) {
   for (let digit = 1; digit < 256; digit *= 2, passes *= passes) {
     const isLast = passes < 0.002;
     gl.stencilFunc(isLast ? gl.LEQUAL : gl.EQUAL, digit, isLast ? 255 : digit);
-    drawGround(true, passes);
+    fill(LIGHT, passes);
     if (isLast) break;
   }
   // The yarns' colour is as strong as the light that they stop.
@@ -279,7 +283,7 @@ function showThrough(opacity) {
   gl.colorMask(true, true, true, true);
   gl.blendEquationSeparate(gl.FUNC_ADD, gl.FUNC_SUBTRACT);
   gl.blendFuncSeparate(gl.ZERO, gl.ONE_MINUS_DST_ALPHA, gl.ONE, gl.ONE);
-  drawGround(true, 1);
+  fill(LIGHT);
   gl.blendEquation(gl.FUNC_ADD);
   gl.disable(gl.BLEND);
   gl.enable(gl.DEPTH_TEST);
@@ -474,7 +478,7 @@ function drawLoupe(seen, width, height, scale, fineness) {
   gl.clear(gl.DEPTH_BUFFER_BIT);
   gl.clearDepth(1);
   gl.depthFunc(gl.ALWAYS);
-  drawGround(false, 0);
+  fill(LIGHT, 0, true);
   gl.depthFunc(gl.LESS);
   drawYarns(near, fineness);
   gl.disable(gl.SCISSOR_TEST);

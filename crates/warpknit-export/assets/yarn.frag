@@ -10,8 +10,8 @@ uniform float repeat;                 // the longer side of the fabric's repeat,
 uniform vec2 heights;                 // mm of depth at the back and the face of the cloth
 uniform float radius;
 uniform int sides;
-uniform float opacity;                // alpha of what covers the viewport
-uniform highp sampler2D picture;            // linear light, and how much of the ground's light it stops
+uniform float opacity;                // alpha of light that fills an area
+uniform highp sampler2D picture;      // linear light, and how much of the ground's light it stops
 uniform vec3 ground;                  // linear
 
 // How light a place of the cloth is from afar, and how much of the difference between places is left out there.

@@ -18,7 +18,7 @@ uniform float grid, radius, pixel;    // mm; mm; mm a pixel has at a distance of
 uniform float twist;                  // radians an entry
 uniform vec2 heights;                 // mm of depth at 0 and at 255
 uniform float opacity;                // of a ribbon: the yarn's width over its own
-uniform ivec3 shape;                  // first entry; rings an entry; sides. Without sides: a disc, or 1 for all pixels
+uniform ivec3 shape;                  // first entry; rings an entry; sides. Of an area: 1, or 0 for a disc; 1; its paint
 
 out vec3 sight, side, front, along, cloth;
 out float across, height, size, around, phase;

@@ -426,7 +426,7 @@ mod tests {
     }
 
     #[test]
-    fn negative_numbers_are_values_and_no_flags() {
+    fn flags_of_numbers_allow_a_minus() {
         let command = Arguments::command();
         for subcommand in command.get_subcommands().chain([&command]) {
             for flag in subcommand.get_arguments().filter(|flag| flag.get_long().is_some()) {

@@ -1,8 +1,8 @@
 //! The draped garment as the target of a map.
 //!
-//! In: a [`Garment`], how yarns are mapped, and the table of strained repeats if there is one. Out: a
-//! [`DrapedGarment`], which maps the strands of a block. What a whole panel has to give is made here, once a
-//! run or once a frame.
+//! In: a [`Garment`], how yarns are mapped, and the table of strained repeats if there is one.
+//! Out: a [`DrapedGarment`], which maps the strands of a block. What a whole panel has to give is
+//! made here, once a run or once a frame.
 
 use rayon::prelude::*;
 

@@ -51,7 +51,7 @@ pub(super) fn measure(fabric: &Fabric, pattern: &Pattern) -> MeasuredBody {
 
 fn measure_at(fabric: &Fabric, pattern: &Pattern, samples_per_stitch: f64) -> MeasuredBody {
     let cell = cell(fabric);
-    let raster = Raster::new(cell, pitch(fabric, samples_per_stitch));
+    let raster = Raster::new(cell, pitch(fabric, cell, samples_per_stitch));
     let mut hidden = vec![false; raster.points()];
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     each_capsule(fabric, pattern, cell, |capsule, _| {
@@ -70,7 +70,7 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, samples_per_stitch: f64) -> Me
 #[must_use]
 pub fn visible_shares(fabric: &Fabric, pattern: &Pattern) -> [Vec<f64>; 2] {
     let cell = cell(fabric);
-    let raster = Raster::new(cell, pitch(fabric, VISIBLE_SAMPLES_PER_STITCH));
+    let raster = Raster::new(cell, pitch(fabric, cell, VISIBLE_SAMPLES_PER_STITCH));
     // How far out the outermost yarn lies on the front and on the back of each point, and its bar.
     let mut outermost = vec![[(f64::NEG_INFINITY, 0); 2]; raster.points()];
     each_capsule(fabric, pattern, cell, |capsule, bar| {
@@ -102,10 +102,10 @@ fn cell(fabric: &Fabric) -> DVec2 {
     counts * DVec2::new(fabric.wale_spacing(), fabric.course_spacing())
 }
 
-/// Distance of a raster's points, mm.
-fn pitch(fabric: &Fabric, samples_per_stitch: f64) -> f64 {
+/// Distance of the points of a raster of the cell, mm.
+fn pitch(fabric: &Fabric, cell: DVec2, samples_per_stitch: f64) -> f64 {
     let shorter = fabric.wale_spacing().min(fabric.course_spacing());
-    (shorter / samples_per_stitch).max((cell(fabric).element_product() / MAX_POINTS).sqrt())
+    (shorter / samples_per_stitch).max((cell.element_product() / MAX_POINTS).sqrt())
 }
 
 /// A straight piece of yarn with round ends.
