@@ -12,6 +12,7 @@ mod fabric;
 mod garment;
 mod laid;
 mod names;
+mod picture;
 mod run;
 mod work;
 mod yarns;

@@ -6,33 +6,30 @@
 //! byte; that run knits again.
 
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use image::RgbaImage;
 use numpy::{IntoPyArray, PyArray, PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
+use warpknit::drape::swatch_panel;
 use warpknit::export::glb::GlbOptions;
 use warpknit::export::npz::NpzOptions;
 use warpknit::export::{Axes, Format, default_section, png};
-use warpknit::pipeline::{self, Clock, RunError, Settings, Source, Textures};
-use warpknit::render::environment::Environment;
+use warpknit::pipeline::{self, Clock, PictureSettings, RunError, Settings, Source, Textures};
 use warpknit::render::scene::{Scene, Shape};
-use warpknit::render::set::Set;
-use warpknit::render::{self, Background, Camera, RenderOptions};
 use warpknit::yarn::tube::{MAX_ST, SR, Section, Tubes};
 use warpknit::{fabric, garment};
 
 use crate::error;
 use crate::laid::{LaidArrays, index64};
 use crate::names;
+use crate::picture::{self, Keywords};
 
-/// The largest picture each way, pixels.
-const MOST_PIXELS: u32 = 16_384;
 /// Memory of tubes: places, normals and texture coordinates of a vertex, and a triangle's corners.
 const VERTEX_BYTES: f64 = 32.0;
 const TRIANGLE_BYTES: f64 = 12.0;
@@ -228,36 +225,22 @@ impl Yarns {
         Ok(scene)
     }
 
-    /// Draws the yarns. The camera frames the garment, or the swatch's yarns.
-    fn draw(
-        &self,
-        scene: &Scene,
-        view: render::View,
-        zoom: f64,
-        options: &RenderOptions,
-    ) -> Result<RgbaImage, RunError> {
-        let framed: Vec<Vec3> = match &self.origin {
-            Origin::Garment(garment) => pipeline::draped_points(garment),
-            Origin::Swatch(_) => scene.positions.clone(),
-        };
-        let camera = Camera::view(view, &framed, Camera::DEFAULT_FOV, zoom, options.aspect());
-        Ok(render::render(scene, &camera, options, &|_| ())?)
-    }
-
-    /// A picture.
-    fn picture(
-        &self,
-        py: Python<'_>,
-        view: render::View,
-        shape: Shape,
-        zoom: f64,
-        options: &RenderOptions,
-    ) -> PyResult<RgbaImage> {
+    /// A picture. The camera frames the garment, or the swatch's yarns.
+    fn picture(&self, py: Python<'_>, picture: PictureSettings) -> PyResult<RgbaImage> {
         let (points, normals) = (self.points.bind(py).readonly(), self.normals.bind(py).readonly());
         let (points, normals) = (vectors(&points)?, vectors(&normals)?);
         let drawn = py.detach(|| {
-            let scene = self.scene(points, normals, shape)?;
-            self.draw(&scene, view, zoom, options)
+            let scene = self.scene(points, normals, picture.shape)?;
+            match &self.origin {
+                Origin::Garment(garment) => {
+                    let framed = pipeline::draped_points(garment);
+                    picture::draw(&scene, picture, (garment, &self.shown), true, &framed)
+                }
+                Origin::Swatch([wales, courses]) => {
+                    let garment = swatch_panel(&self.shown, *wales, *courses);
+                    picture::draw(&scene, picture, (&garment, &self.shown), false, &scene.positions)
+                }
+            }
         });
         drawn.map_err(|error| error::of_run(&error))
     }
@@ -275,22 +258,6 @@ pub(crate) fn whole(name: &str, number: i64, range: &RangeInclusive<u32>) -> PyR
         let (least, most) = (range.start(), range.end());
         PyValueError::new_err(format!("{name} is {number}, but must be between {least} and {most}"))
     })
-}
-
-/// Width and height of a picture that has pixels, and that memory holds.
-fn picture_size((width, height): (i64, i64)) -> PyResult<(u32, u32)> {
-    let pixels = 1..=MOST_PIXELS;
-    Ok((whole("the width in size", width, &pixels)?, whole("the height in size", height, &pixels)?))
-}
-
-/// The environment of a file, turned by so many degrees.
-fn read_environment(py: Python<'_>, path: &Path, turn: f64) -> PyResult<Environment> {
-    if !turn.is_finite() {
-        let text = format!("environment_turn is {turn}, but must be an angle in degrees");
-        return Err(PyValueError::new_err(text));
-    }
-    let read = py.detach(|| pipeline::read_environment(path, turn.to_radians()));
-    read.map_err(|error| PyValueError::new_err(error::line(&error)))
 }
 
 #[pymethods]
@@ -447,13 +414,20 @@ impl Yarns {
     ///
     /// size: width and height, pixels. view: "front", "back", "left", "right", "top" or "iso".
     /// zoom: magnifies the middle. background: "white", "#rrggbb" or "transparent". spp: samples for
-    /// each pixel. shape: "tube" or "ribbon". environment: a .hdr or .exr of everything around, which
-    /// lights the yarns, and is seen behind them unless there is a background. environment_turn: turns
-    /// it around the vertical, degrees, counter-clockwise as seen from above.
+    /// each pixel. shape: "tube" or "ribbon".
+    ///
+    /// studio: whether floor and wall are around the yarns; by default around a garment, unless there is
+    /// a background or an environment. body: a mesh file of an opaque body in the garment.
+    /// body_cloth: whether an opaque lining, made from the garment, is its body. sun: degrees to
+    /// the right of the camera, and up. environment: a .hdr or .exr of everything around, which lights the
+    /// yarns, and is seen behind them unless there is a background. environment_turn: turns it around the
+    /// vertical, degrees, counter-clockwise as seen from above.
     #[pyo3(signature = (size=(800, 600), view="front", *, zoom=1.0, background=None, spp=4,
-                        shape="tube", environment=None, environment_turn=0.0),
+                        shape="tube", studio=None, body=None, body_cloth=false, sun=None,
+                        environment=None, environment_turn=0.0),
            text_signature = "($self, size=(800, 600), view='front', *, zoom=1.0, background=None, \
-                             spp=4, shape='tube', environment=None, environment_turn=0.0)")]
+                             spp=4, shape='tube', studio=None, body=None, body_cloth=False, \
+                             sun=None, environment=None, environment_turn=0.0)")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn render(
         &self,
@@ -464,29 +438,35 @@ impl Yarns {
         background: Option<&str>,
         spp: i64,
         shape: &str,
+        studio: Option<bool>,
+        body: Option<PathBuf>,
+        body_cloth: bool,
+        sun: Option<[f64; 2]>,
         environment: Option<PathBuf>,
         environment_turn: f64,
     ) -> PyResult<Py<PyAny>> {
-        let background = background.map(str::parse::<Background>).transpose();
-        let background = background.map_err(|error| PyValueError::new_err(error.to_string()))?;
-        let (size, spp) = (picture_size(size)?, whole("spp", spp, &(1..=4096))?);
-        if !(zoom.is_finite() && zoom > 0.0) {
-            return Err(PyValueError::new_err(format!("zoom is {zoom}, but must be above 0")));
+        if matches!(self.origin, Origin::Swatch(_)) && (body.is_some() || body_cloth) {
+            return Err(PyValueError::new_err(
+                "a swatch has no body: body and body_cloth need a drape",
+            ));
         }
-        let (width, height) = size;
-        let mut options = RenderOptions { width, height, spp, ..RenderOptions::default() };
-        if let Some(path) = environment {
-            let around = Arc::new(read_environment(py, &path, environment_turn)?);
-            options.light = around.light();
-            // A background is seen in its place.
-            options.set =
-                background.is_none().then(|| Set::default().with_environment(around)).map(Arc::new);
-        } else if environment_turn != 0.0 {
-            return Err(PyValueError::new_err("environment_turn needs an environment to turn"));
-        }
-        options.background = background.unwrap_or_default();
-        let picture = self.picture(py, names::view(view)?, names::shape(shape)?, zoom, &options)?;
-        let pixels = picture.into_raw().into_pyarray(py);
+        let keywords = Keywords {
+            size,
+            view,
+            zoom,
+            background,
+            spp,
+            shape,
+            studio,
+            body,
+            body_cloth,
+            sun,
+            environment,
+            environment_turn,
+        };
+        let settings = keywords.settings(py)?;
+        let (width, height) = settings.size;
+        let pixels = self.picture(py, settings)?.into_raw().into_pyarray(py);
         pixels.reshape([height as usize, width as usize, 4])?.into_py_any(py)
     }
 
@@ -541,7 +521,7 @@ impl Yarns {
         let outputs = formats.map(|pair| pair.map(|(format, path)| (path, format)));
         let outputs = outputs.collect::<Result<Vec<_>, _>>();
         let outputs = outputs.map_err(|error| error::of_export(&error))?;
-        let size = picture_size(size)?;
+        let size = picture::size(size)?;
         let mut settings = Settings {
             st,
             sr,
@@ -590,8 +570,8 @@ impl Yarns {
 
     /// A picture of 800 x 600 pixels, for notebooks.
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let options = RenderOptions { width: 800, height: 600, ..RenderOptions::default() };
-        let picture = self.picture(py, render::View::Front, Shape::Tube, 1.0, &options)?;
+        let settings = PictureSettings { size: (800, 600), ..PictureSettings::default() };
+        let picture = self.picture(py, settings)?;
         let mut bytes = Vec::new();
         png::encode(&picture, &mut bytes)?;
         Ok(PyBytes::new(py, &bytes))

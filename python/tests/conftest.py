@@ -26,3 +26,9 @@ def locknit() -> warpknit.Fabric:
 @pytest.fixture(scope="session")
 def yarns(tube: warpknit.Garment, locknit: warpknit.Fabric) -> warpknit.Yarns:
     return warpknit.drape(tube, locknit, wales_per_cm=2.0)
+
+
+@pytest.fixture
+def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Strained repeats have to be solved, also where the tests ran before."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

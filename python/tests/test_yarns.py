@@ -1,5 +1,6 @@
 """Yarns: their arrays, tubes, pictures, files and report."""
 
+import itertools
 import json
 import os
 import shutil
@@ -116,7 +117,7 @@ def test_pictures_are_arrays_and_png(yarns: warpknit.Yarns) -> None:
     clear = yarns.render(size=(80, 60), background="transparent")
     assert clear[0, 0, 3] == 0 and clear[30, 40, 3] > 200
     white = yarns.render(size=(80, 60), background="white")
-    assert (white == yarns.render(size=(80, 60))).all() and (white[0, 0] == 255).all()
+    assert (white == yarns.render(size=(80, 60), studio=False)).all() and (white[0, 0] == 255).all()
     png = yarns._repr_png_()
     assert png.startswith(b"\x89PNG") and png[16:24] == (800).to_bytes(4, "big") + (600).to_bytes(4, "big")
 
@@ -134,6 +135,11 @@ def test_pictures_are_arrays_and_png(yarns: warpknit.Yarns) -> None:
         ({"zoom": float("nan")}, "zoom is NaN"),
         ({"environment": "sky.hdr", "environment_turn": float("inf")}, "environment_turn is inf"),
         ({"environment_turn": 90.0}, "needs an environment"),
+        ({"environment": "sky.hdr", "sun": (10.0, 20.0)}, "either sun or environment"),
+        ({"sun": (10.0, 91.0)}, r"sun is \[10.0, 91.0\]"),
+        ({"sun": (float("nan"), 20.0)}, "sun is"),
+        ({"body": "body.obj", "body_cloth": True}, "either body or body_cloth"),
+        ({"body": "none.obj"}, r"none\.obj"),
     ],
 )
 def test_pictures_of_nonsense_are_refused(yarns: warpknit.Yarns, arguments: dict[str, object], words: str) -> None:
@@ -153,6 +159,33 @@ def test_an_environment_lights_yarns_and_is_seen(yarns: warpknit.Yarns, tmp_path
     assert (lit[0, 0] == 255).all() and (lit != yarns.render(size=(80, 60))).any()
     with pytest.raises(ValueError, match=r"none\.hdr"):
         yarns.render(environment=tmp_path / "none.hdr")
+
+
+def test_a_garment_stands_in_a_studio_with_its_body(tube: warpknit.Garment, tmp_path: Path) -> None:
+    yarns = warpknit.drape(tube, "hex-net-5", mapping="smooth")
+    studio, bare = yarns.render(size=(80, 60)), yarns.render(size=(80, 60), studio=False)
+    assert (bare[0, 0] == 255).all() and (studio[0, 0, :3] < 255).all() and (studio[..., 3] == 255).all()
+    assert (yarns.render(size=(80, 60), background="white") == bare).all()
+    assert (yarns.render(size=(80, 60), sun=(60.0, 20.0)) != studio).any()
+    lined = yarns.render(size=(80, 60), studio=False, body_cloth=True)
+    assert (lined != bare).any(axis=-1).mean() > 0.05, "a lining hides the ground behind a net"
+    # A box around the tube's axis, narrower than the tube, in the tube's unit.
+    assert tube.unit == "cm"
+    corners = yarns.points.mean(axis=0) / 10.0 + np.array(list(itertools.product((-1, 1), repeat=3)))
+    faces = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
+    lines = [f"v {x} {y} {z}\n" for x, y, z in corners] + [f"f {face}\n" for face in faces]
+    path = tmp_path / "body.obj"
+    path.write_text("".join(lines))
+    worn = yarns.render(size=(80, 60), studio=False, body=path)
+    assert 0.0 < (worn != bare).any(axis=-1).mean() < (lined != bare).any(axis=-1).mean()
+
+
+def test_a_swatch_has_a_studio_but_no_body() -> None:
+    yarns = warpknit.swatch("locknit", 3, 4)
+    bare, studio = yarns.render(size=(80, 60)), yarns.render(size=(80, 60), studio=True)
+    assert (bare[0, 0] == 255).all() and (studio[0, 0, :3] < 255).all()
+    with pytest.raises(ValueError, match="a swatch has no body"):
+        yarns.render(body_cloth=True)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -206,20 +239,20 @@ def test_ctrl_c_is_heard_while_repeats_are_solved(meshes: Path, tmp_path: Path) 
     assert 0.0 <= float(done.stdout) < 10.0
 
 
+@pytest.mark.usefixtures("empty_cache")
 def test_progress_goes_from_strain_to_yarns(tube: warpknit.Garment) -> None:
     told: list[tuple[str, float]] = []
-    # No other test strains this fabric, so that its repeats are not in the cache.
     warpknit.drape(tube, "sharkskin", progress=lambda *reached: told.append(reached))
     assert told[0][0] == "strain" and told[-1] == ("yarns", 1.0)
     assert all(stage in ("strain", "yarns") and 0.0 <= share <= 1.0 for stage, share in told)
     assert [stage for stage, _ in told] == sorted(stage for stage, _ in told)
 
 
+@pytest.mark.usefixtures("empty_cache")
 def test_an_exception_in_progress_ends_the_drape(tube: warpknit.Garment) -> None:
     def refuse(stage: str, share: float) -> None:
         raise RuntimeError(f"enough of {stage}")
 
-    # Nor this one.
     with pytest.raises(RuntimeError, match="enough of strain"):
         warpknit.drape(tube, "double-cord", progress=refuse)
 

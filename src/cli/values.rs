@@ -14,6 +14,7 @@ use warpknit::export::glb::{Nodes, Precision};
 use warpknit::export::{FileUnit, Format, InpDialect, UpAxis, UsdCurves};
 use warpknit::map::Mapping;
 use warpknit::pipeline::{EdgeFinish, Enlarge, FREE_PULLS, LoupeChoice, STRETCHES, Stretch};
+use warpknit::render::light::toward_sun;
 use warpknit::render::scene::Shape;
 use warpknit::render::{RendererChoice, View};
 
@@ -334,14 +335,10 @@ pub(super) fn vector(text: &str) -> Result<DVec3, String> {
 /// Parses the direction to the sun, given as angles in degrees around the camera and above its
 /// level, along the camera's right, up and back axes.
 pub(super) fn sun(text: &str) -> Result<DVec3, String> {
-    let angles = list(text)
-        .filter(|[around, up]: &[f64; 2]| around.abs() <= 360.0 && (-90.0..=90.0).contains(up));
-    let [around, up] = angles.ok_or_else(|| {
+    list(text).and_then(toward_sun).ok_or_else(|| {
         "write two angles with a comma, such as -40,35: degrees to the right and up, up to 90"
             .to_owned()
-    })?;
-    let ((side, ahead), (high, level)) = (around.to_radians().sin_cos(), up.to_radians().sin_cos());
-    Ok(DVec3::new(side * level, high, ahead * level))
+    })
 }
 
 /// Parses an enlargement. Under 1 cloth would be finer than it is.

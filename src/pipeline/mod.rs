@@ -57,6 +57,7 @@ pub use numbers::RealCloth;
 pub use pictures::options;
 pub use run::{drape, swatch};
 pub use sequence::{Motion, Sequence};
+pub use set::{Staged, set};
 pub use settings::{
     Body, Densities, EdgeFinish, Enlarge, LoupeChoice, PictureSettings, Placement, Settings, Wanted,
 };

@@ -7,7 +7,7 @@
 //! the world leaves the back of a garment in the dark. That of an environment is fixed.
 
 use crate::camera::Camera;
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use std::f32::consts::{FRAC_1_PI, FRAC_1_SQRT_2, PI};
 
 /// Fraction of the light on the cloth that reaches the gaps between its yarns. It is an
@@ -63,6 +63,15 @@ impl Default for Light {
             sky_below: Vec3::new(0.22, 0.215, 0.21),
         }
     }
+}
+
+/// Direction to a sun so many degrees to the right of the camera and above its level, along the
+/// camera's right, up and back axes. `None` for over 360 degrees around, or over 90 up or down.
+#[must_use]
+pub fn toward_sun([around, up]: [f64; 2]) -> Option<DVec3> {
+    let is_angle = around.abs() <= 360.0 && up.abs() <= 90.0;
+    let ((side, ahead), (high, level)) = (around.to_radians().sin_cos(), up.to_radians().sin_cos());
+    is_angle.then(|| DVec3::new(side * level, high, ahead * level))
 }
 
 /// A [`Light`] in world axes.

@@ -150,6 +150,10 @@ class Yarns:
         background: str | None = None,
         spp: int = 4,
         shape: Literal["tube", "ribbon"] = "tube",
+        studio: bool | None = None,
+        body: _Path | None = None,
+        body_cloth: bool = False,
+        sun: tuple[float, float] | None = None,
         environment: _Path | None = None,
         environment_turn: float = 0.0,
     ) -> NDArray[np.uint8]: ...
