@@ -233,8 +233,7 @@ impl<'a> RayTracer<'a> {
     /// The shading point of a hit on a ribbon.
     fn point_on_ribbon(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
         let segments = &self.bvh.segments;
-        let crossing = segments.strip(hit.start).crossing(ray.origin.into(), ray.direction.into());
-        let (u, v) = crossing.map_or((0.5, 0.5), |crossing| (crossing.u, crossing.v));
+        let [u, v] = self.bvh.place_on_strip(hit.start, ray).unwrap_or([0.5; 2]);
         let (tangent, normal) = segments.directions(hit.start, v);
         let front = normal.normalize_or(-ray.direction);
         // Both sides of the cloth are right sides: the back is shaded like the front.

@@ -11,9 +11,10 @@ use rayon::prelude::*;
 
 use super::build::Box3;
 use super::ray::{Hit, SceneRay};
-use super::strip::{Crossing, RibbonStrip};
+use super::strip::RibbonEdges;
 use crate::cpu::lit::ShadingPoint;
 use crate::cpu::sample::unit;
+use crate::maps::Maps;
 use crate::paths::{PLAIN_SHADE, Subdivision, YarnPaths};
 use crate::ply::hash;
 use crate::scene::{Bounds, Scene, Shape};
@@ -36,6 +37,8 @@ const PART: usize = 8;
 pub(super) struct Segments<'a> {
     pub(super) scene: &'a Scene,
     pub(super) paths: YarnPaths,
+    /// The edges of ribbons. None of tubes.
+    pub(super) edges: RibbonEdges,
     /// Padding of the boxes, mm.
     padding: f32,
     /// Bounding box of all segments.
@@ -93,7 +96,11 @@ impl<'a> Segments<'a> {
         let thickest = paths.points.par_iter().map(|point| point.w).reduce(|| 0.0, f32::max);
         let padding = around.min.abs().max(around.max.abs()).max_element() * BOX_PADDING;
         let grown = Vec3A::splat(thickest * RADIUS_MARGIN + padding);
-        Self { scene, paths, padding, bounds: around.grown(grown) }
+        let edges = match scene.shape {
+            Shape::Tube => RibbonEdges::default(),
+            Shape::Ribbon => RibbonEdges::new(&paths),
+        };
+        Self { scene, paths, edges, padding, bounds: around.grown(grown) }
     }
 
     /// Bounding box of the segment that starts at point `start`.
@@ -111,27 +118,23 @@ impl<'a> Segments<'a> {
         a.w.max(b.w) * RADIUS_MARGIN + self.padding
     }
 
-    /// Distance along `ray` to a strip; infinite where the ray misses it or meets it beyond `limit`.
-    pub(super) fn distance(&self, start: u32, ray: &SceneRay, limit: f32) -> f32 {
-        // The texture lookup comes last, because it costs more than all other tests together.
-        match self.strip(start).crossing(ray.origin.into(), ray.direction.into()) {
-            Some(crossing)
-                if crossing.distance <= limit && self.is_opaque_at(start, &crossing, ray) =>
-            {
-                crossing.distance
-            }
-            _ => f32::INFINITY,
-        }
+    /// The maps of the segment that starts at point `start`, if its yarn has a texture.
+    pub(super) fn maps(&self, start: u32) -> Option<&Maps> {
+        self.scene.maps_of(&self.scene.looks[usize::from(self.look(start))])
     }
 
-    /// Whether a ribbon's texture stops the ray at this crossing: its alpha against a random
-    /// number.
-    fn is_opaque_at(&self, start: u32, crossing: &Crossing, ray: &SceneRay) -> bool {
-        let look = &self.scene.looks[usize::from(self.look(start))];
-        let Some(maps) = self.scene.maps_of(look) else { return true };
-        let v = self.along(start, crossing.v) / maps.length;
-        let (across, along) = (ray.footprint / (2.0 * look.radius), ray.footprint / maps.length);
-        let alpha = maps.alpha(crossing.u, v, across, along, Shape::Ribbon);
+    /// Whether a strip's texture stops the ray at a crossing: its alpha against a random number.
+    pub(super) fn is_opaque_at(
+        &self,
+        start: u32,
+        maps: &Maps,
+        [u, v]: [f32; 2],
+        ray: &SceneRay,
+    ) -> bool {
+        let radius = self.scene.looks[usize::from(self.look(start))].radius;
+        let v = self.along(start, v) / maps.length;
+        let (across, along) = (ray.footprint / (2.0 * radius), ray.footprint / maps.length);
+        let alpha = maps.alpha(u, v, across, along, Shape::Ribbon);
         // A hash of the ray and the strip. Two strips in front of each other get independent
         // numbers, or two half-transparent ones would let the same half of all rays through.
         alpha > unit(hash(ray.random_bits ^ hash(start)))
@@ -140,24 +143,6 @@ impl<'a> Segments<'a> {
     /// Both end points of a segment, with radii in w.
     pub(super) fn ends(&self, start: u32) -> (Vec4, Vec4) {
         (self.paths.points[start as usize], self.paths.points[start as usize + 1])
-    }
-
-    /// The ribbon strip that starts at point `start`.
-    pub(super) fn strip(&self, start: u32) -> RibbonStrip {
-        let (i, j) = (start as usize, start as usize + 1);
-        let points = &self.paths.points;
-        // The last point of a strand has no radius of its own.
-        let end_radius = if points[j].w > 0.0 { points[j].w } else { points[i].w };
-        RibbonStrip { a: self.edge(i, points[i].w), b: self.edge(j, end_radius) }
-    }
-
-    /// Both ends of the ribbon's width at a point.
-    fn edge(&self, point: usize, radius: f32) -> [Vec3A; 2] {
-        let axis = Vec3A::from_vec4(self.paths.points[point]);
-        let (tangent, normal) =
-            (self.paths.tangents[point].unpack(), self.paths.across[point].unpack());
-        let aside = Vec3A::from(tangent.cross(normal).normalize_or_zero() * radius);
-        [axis - aside, axis + aside]
     }
 
     /// The shading point of a hit on a tube.

@@ -1,9 +1,8 @@
-//! Ray-ribbon intersection. A ribbon is a chain of strips, flat pieces between two points of the
-//! yarn's axis.
+//! Ray-ribbon intersection, eight strips at a time. A ribbon is a chain of strips, flat pieces
+//! between two points of the yarn's axis.
 //!
-//! In: the ends of a strip, each from edge to edge across the yarn. Out: the point where a ray
-//! crosses it. A strip shares its corners with the strips before and after it, and two triangles
-//! fill it. So no light leaks between strips:
+//! In: the edges of ribbons, and a ray. Out: the points where it crosses eight consecutive strips. A
+//! strip shares its corners with the strips before and after it, and two triangles fill it:
 //!
 //! ```text
 //!   u = 0   a0 ────── b0     v = 0 at a, 1 at b, along the yarn;
@@ -11,132 +10,259 @@
 //!   u = 1   a1 ────── b1
 //! ```
 //!
-//! Triangles are met from both sides (Möller and Trumbore 1997, 'Fast, minimum storage ray/triangle
-//! intersection').
+//! Corners are projected along the ray. A ray meets the triangles around it whose corners turn about
+//! it all to one side (Woop, Benthin and Wald 2013, 'Watertight ray/triangle intersection'), from
+//! the front or from the back. The side of an edge is computed from its two corners alone, and with
+//! the opposite sign from the other strip at that edge. So no light leaks between strips.
 
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
+use rayon::prelude::*;
 
-/// Tolerance of the barycentric coordinates: triangles extend this fraction of their sides beyond
-/// their edges. With 0, rounding opens cracks along shared edges. Much larger ones let triangles
-/// stick out at a ribbon's outer edges.
-const EDGE_TOLERANCE: f32 = 1e-5;
+use super::capsule::LaneRay;
+use super::lanes::{Eight, LANES, Lanes, Lanes3};
+use crate::paths::YarnPaths;
 
-/// A strip, by its corners.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RibbonStrip {
-    /// The start, at u = 0 and u = 1.
-    pub(super) a: [Vec3A; 2],
-    /// The end, likewise.
-    pub(super) b: [Vec3A; 2],
+/// Both ends of ribbons' widths, at all points of yarns. An array for each coordinate, so that lanes
+/// take eight strips as they lie.
+#[derive(Debug, Default)]
+pub(super) struct RibbonEdges {
+    /// At u = 0 and at u = 1.
+    sides: [[Vec<f32>; 3]; 2],
 }
 
-/// The point where a ray crosses a strip.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Crossing {
-    /// Distance along the ray, whose direction has unit length.
-    pub(super) distance: f32,
-    pub(super) u: f32,
-    pub(super) v: f32,
+/// Where a ray crosses eight strips. Infinite distances where it doesn't.
+#[derive(Clone, Copy)]
+pub(super) struct Crossings<S> {
+    /// Along the ray, whose direction has unit length.
+    pub(super) distance: Lanes<S>,
+    pub(super) u: Lanes<S>,
+    pub(super) v: Lanes<S>,
 }
 
-impl RibbonStrip {
-    /// The nearest crossing of the ray with the strip, from either side.
-    pub(super) fn crossing(&self, origin: Vec3A, direction: Vec3A) -> Option<Crossing> {
-        let ([a0, a1], [b0, b1]) = (self.a, self.b);
-        let first = triangle(origin, direction, a0, a1 - a0, b0 - a0)
-            .map(|(distance, u, v)| Crossing { distance, u, v });
-        let second = triangle(origin, direction, b1, b0 - b1, a1 - b1)
-            .map(|(distance, s, t)| Crossing { distance, u: 1.0 - s, v: 1.0 - t });
+/// Directions across a ray, which span the plane that corners are projected on.
+#[derive(Clone, Copy)]
+pub(super) struct Across([Vec3; 2]);
+
+impl Across {
+    pub(super) fn new(direction: Vec3) -> Self {
+        let (right, up) = direction.any_orthonormal_pair();
+        Self([right, up])
+    }
+}
+
+impl RibbonEdges {
+    /// The edges of ribbons that lie in the plane of the cloth. Each piece of yarn has the radius of its
+    /// first point.
+    pub(super) fn new(paths: &YarnPaths) -> Self {
+        let edges: Vec<[Vec3A; 2]> = (0..paths.points.len())
+            .into_par_iter()
+            .map(|point| {
+                let axis = paths.points[point];
+                // The last point of a strand has no radius of its own.
+                let radius =
+                    if axis.w > 0.0 { axis.w } else { paths.points[point.saturating_sub(1)].w };
+                let (tangent, normal) =
+                    (paths.tangents[point].unpack(), paths.across[point].unpack());
+                let aside = Vec3A::from(tangent.cross(normal).normalize_or_zero() * radius);
+                let axis = Vec3A::from_vec4(axis);
+                [axis - aside, axis + aside]
+            })
+            .collect();
+        // Lanes also load what lies behind the last strips.
+        let padded = |side: usize, axis: usize| {
+            let coordinates = edges.iter().map(|edges| edges[side][axis]);
+            coordinates.chain([0.0; LANES]).collect()
+        };
+        Self { sides: [0, 1].map(|side| [0, 1, 2].map(|axis| padded(side, axis))) }
+    }
+
+    /// One end of the width at eight consecutive points, projected along a ray.
+    #[inline(always)]
+    fn corners<S: Eight>(
+        &self,
+        side: usize,
+        first: u32,
+        ray: &LaneRay<S>,
+        [right, up]: [Lanes3<S>; 2],
+    ) -> Corner<S> {
+        let [x, y, z] = &self.sides[side];
+        let place = Lanes3 {
+            x: eight(ray.simd, x, first),
+            y: eight(ray.simd, y, first),
+            z: eight(ray.simd, z, first),
+        };
+        let from = place - ray.origin;
+        Corner { x: from.dot(right), y: from.dot(up), distance: from.dot(ray.direction) }
+    }
+
+    /// Where a ray crosses the eight strips that start at the points from `first` on. Some of them may
+    /// be none: those from a yarn's last point on.
+    #[inline(always)]
+    pub(super) fn crossings<S: Eight>(
+        &self,
+        first: u32,
+        ray: &LaneRay<S>,
+        Across(across): Across,
+    ) -> Crossings<S> {
+        let simd = ray.simd;
+        let [right, up] = across;
+        let across = [Lanes3::all(simd, right.to_array()), Lanes3::all(simd, up.to_array())];
+        let (a0, b0) =
+            (self.corners(0, first, ray, across), self.corners(0, first + 1, ray, across));
+        let (a1, b1) =
+            (self.corners(1, first, ray, across), self.corners(1, first + 1, ray, across));
+        let one = Triangle::new(simd, [a0, a1, b0]);
+        let other = Triangle::new(simd, [b1, b0, a1]);
         // A strip whose ends are twisted against each other is not planar, so both triangles may be
         // crossed. The nearer crossing is visible.
-        match (first, second) {
-            (Some(one), Some(other)) => {
-                Some(if other.distance < one.distance { other } else { one })
-            }
-            (one, other) => one.or(other),
+        let is_other = other.distance.less_than(one.distance);
+        let whole = Lanes::all(simd, 1.0);
+        Crossings {
+            distance: other.distance.where_set(is_other, one.distance),
+            u: (whole - other.shares[0]).where_set(is_other, one.shares[0]),
+            v: (whole - other.shares[1]).where_set(is_other, one.shares[1]),
         }
     }
 }
 
-/// Distance to a triangle, and the barycentric coordinates along its sides `one` and `other`
-/// (Möller and Trumbore 1997).
-fn triangle(
-    origin: Vec3A,
-    direction: Vec3A,
-    corner: Vec3A,
-    one: Vec3A,
-    other: Vec3A,
-) -> Option<(f32, f32, f32)> {
-    // Move the origin beside the corner. The products below would otherwise lose the strip's width,
-    // a tenth of a millimetre, against the eye's distance of metres.
-    let beside = (corner - origin).dot(direction);
-    let from = (origin - corner) + direction * beside;
-    let p = direction.cross(other);
-    // The triple product: zero for a ray in the triangle's plane and for a degenerate triangle.
-    let volume = one.dot(p);
-    if volume == 0.0 {
-        return None;
+/// Eight consecutive numbers.
+#[inline(always)]
+fn eight<S: Eight>(simd: S, numbers: &[f32], first: u32) -> Lanes<S> {
+    let first = first as usize;
+    let mut lanes = [0.0; LANES];
+    lanes.copy_from_slice(&numbers[first..first + LANES]);
+    Lanes::new(simd, lanes)
+}
+
+/// Corners of eight strips, projected along the ray.
+#[derive(Clone, Copy)]
+struct Corner<S> {
+    x: Lanes<S>,
+    y: Lanes<S>,
+    /// Along the ray.
+    distance: Lanes<S>,
+}
+
+impl<S: Eight> Corner<S> {
+    /// On which side of the edge from this corner to another one the ray lies, by its sign. Exactly the
+    /// opposite with the corners exchanged.
+    #[inline(always)]
+    fn side(self, other: Self) -> Lanes<S> {
+        self.x * other.y - self.y * other.x
     }
-    let s = from.dot(p) / volume;
-    let q = from.cross(one);
-    let t = direction.dot(q) / volume;
-    // Both barycentric coordinates and their sum in 0..1, up to the tolerance.
-    let inside = s >= -EDGE_TOLERANCE && t >= -EDGE_TOLERANCE && s + t <= 1.0 + EDGE_TOLERANCE;
-    let distance = beside + other.dot(q) / volume;
-    (inside && distance >= 0.0).then_some((distance, s, t))
+}
+
+/// Where a ray crosses eight triangles.
+struct Triangle<S> {
+    /// Infinite where it doesn't.
+    distance: Lanes<S>,
+    /// Barycentric coordinates of the second and of the third corner.
+    shares: [Lanes<S>; 2],
+}
+
+impl<S: Eight> Triangle<S> {
+    #[inline(always)]
+    fn new(simd: S, [a, b, c]: [Corner<S>; 3]) -> Self {
+        let zero = Lanes::all(simd, 0.0);
+        let (of_a, of_b, of_c) = (b.side(c), c.side(a), a.side(b));
+        let sum = of_a + of_b + of_c;
+        let (least, most) = (of_a.min(of_b).min(of_c), of_a.max(of_b).max(of_c));
+        let is_around = simd.or_m32s(zero.at_most(least), most.at_most(zero));
+        // A triangle without area, or one in whose plane the ray lies, is not met.
+        let is_met = simd.and_m32s(is_around, zero.less_than(sum * sum));
+        let scale = Lanes::all(simd, 1.0) / sum;
+        let distance = (of_a * a.distance + of_b * b.distance + of_c * c.distance) * scale;
+        let is_ahead = simd.and_m32s(is_met, zero.at_most(distance));
+        Self {
+            distance: distance.where_set(is_ahead, Lanes::all(simd, f32::INFINITY)),
+            shares: [of_b * scale, of_c * scale],
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::raytrace::lanes::{Instructions, Kernel};
+
+    /// The edges of a ribbon, and a ray at it.
+    struct Ray<'a>(&'a RibbonEdges, Vec3, Vec3);
+
+    impl Kernel for Ray<'_> {
+        type Output = [[f32; LANES]; 3];
+
+        #[inline(always)]
+        fn run<S: Eight>(self, simd: S) -> [[f32; LANES]; 3] {
+            let Self(edges, origin, direction) = self;
+            let ray = LaneRay::new(simd, origin, direction);
+            let Crossings { distance, u, v } = edges.crossings(0, &ray, Across::new(direction));
+            [distance.array(), u.array(), v.array()]
+        }
+    }
+
+    /// The strips between pairs of edges.
+    fn ribbon(pairs: &[[Vec3; 2]]) -> RibbonEdges {
+        let padded = |side: usize, axis: usize| {
+            pairs.iter().map(|pair| pair[side][axis]).chain([0.0; LANES]).collect()
+        };
+        RibbonEdges { sides: [0, 1].map(|side| [0, 1, 2].map(|axis| padded(side, axis))) }
+    }
 
     /// From x = 0 to 4, 2 wide, its far end turned by a quarter.
-    fn strip() -> RibbonStrip {
-        RibbonStrip {
-            a: [Vec3A::Y, Vec3A::NEG_Y],
-            b: [Vec3A::new(4.0, 0.7, 0.7), Vec3A::new(4.0, -0.7, -0.7)],
-        }
+    fn strip() -> RibbonEdges {
+        ribbon(&[[Vec3::Y, Vec3::NEG_Y], [Vec3::new(4.0, 0.7, 0.7), Vec3::new(4.0, -0.7, -0.7)]])
+    }
+
+    /// Distance, u and v of the first strip's crossing.
+    fn crossing(edges: &RibbonEdges, origin: Vec3, direction: Vec3) -> Option<[f32; 3]> {
+        let crossed = Instructions::best().run(Ray(edges, origin, direction)).map(|all| all[0]);
+        crossed[0].is_finite().then_some(crossed)
     }
 
     #[test]
     fn corners_and_the_middle_are_found_from_both_sides() {
-        for (z, direction) in [(5.0, Vec3A::NEG_Z), (-5.0, Vec3A::Z)] {
-            let near = strip().crossing(Vec3A::new(1e-3, 0.98, z), direction).unwrap();
-            assert!(near.u < 0.02 && near.v < 0.02, "{near:?}");
-            let far = strip().crossing(Vec3A::new(3.99, -0.69, z), direction).unwrap();
-            assert!(
-                far.u > 0.98
-                    && far.v > 0.98
-                    && (far.distance - (5.0 + 0.7 * z.signum())).abs() < 0.05,
-                "{far:?}"
-            );
-            let middle = strip().crossing(Vec3A::new(2.0, 0.0, z), direction).unwrap();
-            assert!(
-                (middle.u - 0.5).abs() < 0.2
-                    && (middle.v - 0.5).abs() < 0.2
-                    && (middle.distance - 5.0).abs() < 0.4
-            );
-            assert!(strip().crossing(Vec3A::new(2.0, 1.2, z), direction).is_none());
+        for (z, direction) in [(5.0, Vec3::NEG_Z), (-5.0, Vec3::Z)] {
+            let [_, u, v] = crossing(&strip(), Vec3::new(1e-3, 0.98, z), direction).unwrap();
+            assert!(u < 0.02 && v < 0.02, "{u} {v}");
+            let [distance, u, v] =
+                crossing(&strip(), Vec3::new(3.99, -0.69, z), direction).unwrap();
+            assert!(u > 0.98 && v > 0.98, "{u} {v}");
+            assert!((distance - (5.0 + 0.7 * z.signum())).abs() < 0.05, "{distance}");
+            let [distance, u, v] = crossing(&strip(), Vec3::new(2.0, 0.0, z), direction).unwrap();
+            assert!((u - 0.5).abs() < 0.2 && (v - 0.5).abs() < 0.2, "{u} {v}");
+            assert!((distance - 5.0).abs() < 0.4, "{distance}");
+            assert_eq!(crossing(&strip(), Vec3::new(2.0, 1.2, z), direction), None);
         }
-        assert_eq!(strip().crossing(Vec3A::new(2.0, 0.0, 5.0), Vec3A::Z), None, "it is behind");
+        assert_eq!(crossing(&strip(), Vec3::new(2.0, 0.0, 5.0), Vec3::Z), None, "it is behind");
     }
 
     #[test]
     fn no_ray_slips_between_the_triangles_or_through_a_joint() {
-        let turned = |x: f32| {
-            let (sin, cos) = (x * 0.1).sin_cos();
-            [Vec3A::new(x, cos, sin), Vec3A::new(x, -cos, -sin)].map(|point| point * 0.05)
+        let turned = |x: u8| {
+            let (sin, cos) = (f32::from(x) * 0.1).sin_cos();
+            [1.0, -1.0].map(|side| Vec3::new(f32::from(x), side * cos, side * sin) * 0.05)
         };
-        let strips: Vec<_> = (0_u8..6)
-            .map(|i| RibbonStrip { a: turned(f32::from(i)), b: turned(f32::from(i) + 1.0) })
-            .collect();
+        let edges = ribbon(&(0..=8).map(turned).collect::<Vec<_>>());
         for step in 0_u16..4000 {
-            let (x, y) = (f32::from(step) * 1.4e-3 + 0.1, f32::from(step % 17) / 40.0 - 0.2);
-            let origin = Vec3A::new(x * 0.05, y * 0.05, 900.0);
-            assert!(
-                strips.iter().any(|strip| strip.crossing(origin, Vec3A::NEG_Z).is_some()),
-                "a hole at {x} {y}"
-            );
+            let (x, y) = (f32::from(step) * 1.9e-3 + 0.1, f32::from(step % 17) / 40.0 - 0.2);
+            for x in [x, x.round()] {
+                let origin = Vec3::new(x * 0.05, y * 0.05, 900.0);
+                let [distances, ..] = Instructions::best().run(Ray(&edges, origin, Vec3::NEG_Z));
+                assert!(distances.iter().any(|distance| distance.is_finite()), "a hole at {x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn all_instructions_give_the_same_bits() {
+        for x in [0.3, 1.7, 3.9] {
+            let ray = || (Vec3::new(x, 0.1, 5.0), Vec3::new(0.1, 0.05, -1.0).normalize());
+            let with = |instructions: Instructions| {
+                let (origin, direction) = ray();
+                let [distance, u, v] = instructions.run(Ray(&strip(), origin, direction));
+                [distance[0], u[0], v[0]].map(f32::to_bits)
+            };
+            assert_eq!(with(Instructions::best()), with(Instructions::plain()));
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Rays against the yarns of a scene.
 //!
 //! In: [`Segments`]. Out: the nearest segment along a ray, or any segment that occludes it, by way of
-//! the tree in `tree`. Lanes test capsules. Of a ribbon's strips, lanes find those near the ray,
-//! and each of them is tested alone, because its texture decides.
+//! the tree in `tree`. Lanes test capsules and strips. What a strip's texture lets through is
+//! decided strip by strip.
 //!
 //! The tree is our own. The crate `obvhs`, which location uses for triangles, compresses the boxes of
 //! wide nodes to bytes and leaves the leaves to its caller. Yarns gain more from leaves of eight
@@ -14,10 +14,12 @@ use rayon::prelude::*;
 
 use super::build::Box3;
 use super::capsule::{LaneRay, Leaf};
-use super::lanes::{Eight, LANES, Lanes};
+use super::lanes::{Eight, Kernel, LANES, Lanes};
 use super::ray::{Hit, SceneRay};
 use super::segments::Segments;
+use super::strip::{Across, RibbonEdges};
 use super::tree::{Shapes, Tree, Waiting};
+use crate::maps::Maps;
 use crate::scene::Shape;
 use warpknit_core::ids::index32;
 
@@ -58,7 +60,12 @@ impl<'a> SegmentBvh<'a> {
     }
 
     fn strips<'r>(&'r self, ray: &'r SceneRay) -> Strips<'r> {
-        Strips { segments: &self.segments, ray }
+        Strips { segments: &self.segments, ray, across: Across::new(ray.direction) }
+    }
+
+    /// Where a ray crosses a strip: u and v. `None` where it misses.
+    pub(super) fn place_on_strip(&self, start: u32, ray: &SceneRay) -> Option<[f32; 2]> {
+        self.tree.instructions().run(OneStrip { edges: &self.segments.edges, start, ray })
     }
 }
 
@@ -85,10 +92,11 @@ impl Shapes for Capsules {
     }
 }
 
-/// Ribbons: strips, tested one by one.
+/// Ribbons: strips, tested in lanes, and then for what their texture lets through.
 struct Strips<'a> {
     segments: &'a Segments<'a>,
     ray: &'a SceneRay,
+    across: Across,
 }
 
 impl Shapes for Strips<'_> {
@@ -101,26 +109,68 @@ impl Shapes for Strips<'_> {
         limit: f32,
     ) -> (u32, [f32; LANES]) {
         let (near, _) = leaf.near(ray);
-        self.crossings(leaf.first, near & among, limit)
+        let near = near & among;
+        if near == 0 {
+            return (0, [0.0; LANES]);
+        }
+        let crossings = self.segments.edges.crossings(leaf.first, ray, self.across);
+        let met = near & ray.simd.bits(crossings.distance.at_most(Lanes::all(ray.simd, limit)));
+        let distances = crossings.distance.array();
+        match self.segments.maps(leaf.first) {
+            Some(maps) if met != 0 => {
+                let places = [crossings.u.array(), crossings.v.array()];
+                (self.opaque(leaf.first, maps, met, &distances, &places), distances)
+            }
+            _ => (met, distances),
+        }
     }
 }
 
 impl Strips<'_> {
-    /// Those of the strips `near` from `first` on that the ray crosses at most `limit` away.
+    /// Those of the strips `crossed` from `first` on that stop the ray, but for such behind others.
     #[inline(never)]
-    fn crossings(&self, first: u32, mut near: u32, mut limit: f32) -> (u32, [f32; LANES]) {
-        let (mut met, mut distances) = (0, [f32::INFINITY; LANES]);
-        while near != 0 {
-            let lane = near.trailing_zeros();
-            near &= near - 1;
-            let distance = self.segments.distance(first + lane, self.ray, limit);
-            if distance <= limit {
-                limit = distance;
-                met |= 1 << lane;
-                distances[lane as usize] = distance;
+    fn opaque(
+        &self,
+        first: u32,
+        maps: &Maps,
+        mut crossed: u32,
+        distances: &[f32; LANES],
+        [u, v]: &[[f32; LANES]; 2],
+    ) -> u32 {
+        let (mut opaque, mut limit) = (0, f32::INFINITY);
+        while crossed != 0 {
+            let lane = crossed.trailing_zeros() as usize % LANES;
+            crossed &= crossed - 1;
+            let (start, place) = (first + index32(lane), [u[lane], v[lane]]);
+            // The texture comes last, because it costs more than all other tests together.
+            if distances[lane] <= limit && self.segments.is_opaque_at(start, maps, place, self.ray)
+            {
+                limit = distances[lane];
+                opaque |= 1 << lane;
             }
         }
-        (met, distances)
+        opaque
+    }
+}
+
+/// A ray at one strip.
+struct OneStrip<'a> {
+    edges: &'a RibbonEdges,
+    start: u32,
+    ray: &'a SceneRay,
+}
+
+impl Kernel for OneStrip<'_> {
+    type Output = Option<[f32; 2]>;
+
+    #[inline(always)]
+    fn run<S: Eight>(self, simd: S) -> Option<[f32; 2]> {
+        let Self { edges, start, ray } = self;
+        let lanes = LaneRay::new(simd, ray.origin, ray.direction);
+        let crossings = edges.crossings(start, &lanes, Across::new(ray.direction));
+        let [distance, u, v] =
+            [crossings.distance, crossings.u, crossings.v].map(|lanes| lanes.array()[0]);
+        distance.is_finite().then_some([u, v])
     }
 }
 

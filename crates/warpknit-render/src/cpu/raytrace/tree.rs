@@ -63,6 +63,11 @@ impl Tree {
         Self { nodes, leaves, instructions: Instructions::best() }
     }
 
+    /// The processor's instructions.
+    pub(super) fn instructions(&self) -> Instructions {
+        self.instructions
+    }
+
     /// The nearest segment along the ray.
     pub(super) fn nearest(
         &self,
