@@ -1,5 +1,5 @@
-//! Makes the gallery of built-in fabrics: `docs/gallery.md`, and in `docs/gallery/` a picture of
-//! both sides of each fabric.
+//! Makes the gallery of built-in fabrics: `docs/gallery.md`, and in `docs/gallery/` three pictures of
+//! each fabric: of both sides, and as a garment.
 //!
 //! In: nothing. Out: the files, the same bytes for any number of threads.
 //!
@@ -7,6 +7,7 @@
 
 mod page;
 mod picture;
+mod worn;
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +30,10 @@ fn main() -> Result<()> {
     let pictures = folder.join("gallery");
     std::fs::create_dir_all(&pictures).with_context(|| pictures.display().to_string())?;
     for name in builtin::names() {
-        draw(&pictures, &Fabric::named(name)?)?;
+        let fabric = Fabric::named(name)?;
+        draw(&pictures, &fabric)?;
+        let worn = pictures.join(page::picture_name(name, page::WORN));
+        picture::write(&worn, &worn::draw(&fabric)?)?;
     }
     compare(&pictures)?;
     let text = folder.join("gallery.md");

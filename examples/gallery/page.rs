@@ -11,9 +11,9 @@ use warpknit::knit::{Pattern, clearance};
 
 const HEAD: &str = "# Gallery
 
-The built-in fabrics. Each has a picture of its technical face (left) and of its technical back
-(right). The numbers are for the densities and yarns of its TOML file. One command makes this page
-and its pictures:
+The built-in fabrics. Each has a picture of its technical face, one of its technical back, and one
+of a T-shirt of it, whose stitches are as small as they are in cloth. The numbers are for the
+densities and yarns of its TOML file. One command makes this page and its pictures:
 
     cargo run --release --example gallery
 
@@ -30,6 +30,9 @@ The formulas are in [method.md](method.md#numbers-of-cloth).
 pub(crate) const COMPARED: &str = "jersey";
 /// The texture in `meshes/yarns/` that both use.
 pub(crate) const TEXTURE: &str = "spun";
+
+/// What stands in the place of a side in the name of a garment's picture.
+pub(crate) const WORN: &str = "worn";
 
 /// The file of one side's picture.
 pub(crate) fn picture_name(fabric: &str, side: &str) -> String {
@@ -81,7 +84,7 @@ fn section(page: &mut String, fabric: &Fabric) {
     let numbers = numbers::measure(fabric, &pattern);
     let clearance = clearance::measure(fabric, &pattern, fabric.radius());
     let name = &fabric.name;
-    let pictures = ["front", "back"]
+    let pictures = ["front", "back", WORN]
         .map(|side| format!("![{name}, {side}](gallery/{})", picture_name(name, side)));
     line(
         page,

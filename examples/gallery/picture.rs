@@ -13,8 +13,9 @@ use warpknit::fabric::Fabric;
 use warpknit::render::scene::Scene;
 use warpknit::render::{Background, Camera, RenderOptions, View, render};
 
-const WIDTH: u32 = 320;
-const HEIGHT: u32 = 240;
+/// Pixels of all pictures.
+pub(crate) const WIDTH: u32 = 320;
+pub(crate) const HEIGHT: u32 = 240;
 /// Fewest courses in a picture: enough to see how loops hang together, few enough to distinguish
 /// yarns.
 const COURSES: f64 = 9.0;

@@ -10,7 +10,7 @@ use warpknit::knit::{Pattern, numbers};
 mod page;
 
 /// What all pictures may take together.
-const MOST_BYTES: u64 = 8_000_000;
+const MOST_BYTES: u64 = 11_000_000;
 /// How long the README may be.
 const MOST_WORDS: usize = 1500;
 
@@ -31,11 +31,12 @@ fn the_page_is_up_to_date() {
 }
 
 #[test]
-fn every_fabric_has_both_its_pictures_and_they_are_small() {
+fn every_fabric_has_its_pictures_and_they_are_small() {
     let mut bytes = 0;
     for (name, side) in builtin::names()
         .chain(["tubes", "ribbons"])
         .flat_map(|name| [(name, "front"), (name, "back")])
+        .chain(builtin::names().map(|name| (name, page::WORN)))
     {
         let path = docs().join("gallery").join(page::picture_name(name, side));
         assert_eq!(

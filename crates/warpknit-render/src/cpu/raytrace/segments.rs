@@ -105,6 +105,11 @@ impl<'a> Segments<'a> {
 
     /// Bounding box of the segment that starts at point `start`.
     pub(super) fn bounding_box(&self, start: u32) -> Box3 {
+        if self.scene.shape == Shape::Ribbon {
+            let corners = self.edges.strip(start).map(Box3::of_point);
+            let around = corners.into_iter().fold(Box3::EMPTY, Box3::union);
+            return around.grown(Vec3A::splat(self.padding));
+        }
         let (a, b) = self.ends(start);
         Box3::of_point(Vec3A::from_vec4(a))
             .union(Box3::of_point(Vec3A::from_vec4(b)))

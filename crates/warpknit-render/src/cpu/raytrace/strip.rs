@@ -76,6 +76,15 @@ impl RibbonEdges {
         Self { sides: [0, 1].map(|side| [0, 1, 2].map(|axis| padded(side, axis))) }
     }
 
+    /// The corners of the strip that starts at point `start`.
+    pub(super) fn strip(&self, start: u32) -> [Vec3A; 4] {
+        let from = start as usize;
+        [(0, from), (1, from), (0, from + 1), (1, from + 1)].map(|(side, point)| {
+            let [x, y, z] = &self.sides[side];
+            Vec3A::new(x[point], y[point], z[point])
+        })
+    }
+
     /// One end of the width at eight consecutive points, projected along a ray.
     #[inline(always)]
     fn corners<S: Eight>(
