@@ -97,22 +97,38 @@ impl Mips {
         Self { levels }
     }
 
-    /// Bilinear interpolation between four texels of a level. Columns wrap around along the yarn.
-    /// Rows wrap around a tube and are clamped at a ribbon's edges.
+    /// Bilinear interpolation between four texels of a level.
     fn bilinear(&self, level: usize, at: TexCoord, kind: MapKind) -> Vec4 {
+        let Cell { texels, x, y } = self.cell(level, at);
+        let [a, b, c, d] = texels.map(|texel| decode(*texel, kind));
+        a.lerp(b, x).lerp(c.lerp(d, x), y)
+    }
+
+    /// The four texels of a level around a place. Columns wrap around along the yarn. Rows wrap around
+    /// a tube and are clamped at a ribbon's edges.
+    fn cell(&self, level: usize, at: TexCoord) -> Cell<'_> {
         let picture = &self.levels[level];
         let (width, height) = picture.dimensions();
-        let (left, x) = cell(at.v - at.v.floor(), width);
-        let (top, y) = cell(at.u, height);
+        let (left, x) = before(at.v - floor(at.v), width);
+        let (top, y) = before(at.u, height);
         let columns = [left, left + 1].map(|column| wrapped(column, width));
         let rows = [top, top + 1].map(|row| match at.shape {
             Shape::Tube => wrapped(row, height),
             Shape::Ribbon => clamped(row, height),
         });
-        let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)]
-            .map(|(i, j)| decode(*picture.get_pixel(columns[i], rows[j]), kind));
-        a.lerp(b, x).lerp(c.lerp(d, x), y)
+        let texels =
+            [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| picture.get_pixel(columns[i], rows[j]));
+        Cell { texels, x, y }
     }
+}
+
+/// Four texels around a place, and the place between them.
+struct Cell<'a> {
+    /// The upper two, then the lower two.
+    texels: [&'a Rgba<u8>; 4],
+    /// Fractions of the way to the right and down.
+    x: f32,
+    y: f32,
 }
 
 /// Texture coordinates, 0..1 across (u) and along the yarn (v), and what they are wrapped around.
@@ -136,15 +152,17 @@ impl Maps {
         footprint_v: f32,
         shape: Shape,
     ) -> Texel {
-        let (base, normal, surface) = self
-            .taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
-                [
-                    self.base.bilinear(level, at, MapKind::Color),
-                    self.normal.bilinear(level, at, MapKind::Normal),
-                    self.surface.bilinear(level, at, MapKind::Plain),
-                ]
-            })
-            .into();
+        let filter = self.filter([footprint_u, footprint_v]);
+        let [mut base, mut normal, mut surface] = [Vec4::ZERO; 3];
+        for tap in 0..filter.taps {
+            let at = filter.place([u, v], tap, shape);
+            for (level, weight) in filter.levels() {
+                let weight = weight / float(filter.taps);
+                base += self.base.bilinear(level, at, MapKind::Color) * weight;
+                normal += self.normal.bilinear(level, at, MapKind::Normal) * weight;
+                surface += self.surface.bilinear(level, at, MapKind::Plain) * weight;
+            }
+        }
         let alpha = base.w.clamp(0.0, 1.0);
         Texel {
             albedo: base.xyz() / (base.w + MIN_WEIGHT),
@@ -156,13 +174,25 @@ impl Maps {
         }
     }
 
-    /// The alpha of [`Self::sample`] alone, for visibility tests.
+    /// Whether yarn covers a place, at random with the probability of [`Self::sample`]'s alpha. One texel
+    /// is taken, with its weight there as its probability ('stochastic texture filtering', Pharr et al.
+    /// 2024), and covers with its own alpha. `random` gives numbers in 0..1, without 1.
     #[must_use]
-    pub fn alpha(&self, u: f32, v: f32, footprint_u: f32, footprint_v: f32, shape: Shape) -> f32 {
-        let [alpha] = self.taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
-            [self.base.bilinear(level, at, MapKind::Plain)]
-        });
-        alpha.w
+    pub fn covers(
+        &self,
+        [u, v]: [f32; 2],
+        footprint: [f32; 2],
+        shape: Shape,
+        mut random: impl FnMut() -> f32,
+    ) -> bool {
+        let filter = self.filter(footprint);
+        let tap = if filter.taps > 1 { truncated(random() * float(filter.taps)) } else { 0 };
+        let is_coarse = filter.share > 0.0 && random() < filter.share;
+        let level = filter.fine + usize::from(is_coarse);
+        let Cell { texels, x, y } = self.base.cell(level, filter.place([u, v], tap, shape));
+        let (is_right, is_lower) = (random() < x, random() < y);
+        let texel = texels[usize::from(is_right) + 2 * usize::from(is_lower)];
+        f32::from(texel.0[3]) / 255.0 > random()
     }
 
     /// Mean colour of the yarn: that of the coarsest mip level.
@@ -176,16 +206,8 @@ impl Maps {
         mean.xyz() / (mean.w + MIN_WEIGHT)
     }
 
-    /// Anisotropic filtering (McCormack et al. 1999, 'Feline: fast elliptical lines for anisotropic
-    /// texture mapping'): several trilinear lookups along the footprint's longer side. Their mip
-    /// level suits the shorter side. `look_up` returns the values at a level and place.
-    fn taps<const N: usize>(
-        &self,
-        [u, v]: [f32; 2],
-        footprint: [f32; 2],
-        shape: Shape,
-        look_up: impl Fn(usize, TexCoord) -> [Vec4; N],
-    ) -> [Vec4; N] {
+    /// The lookups of a footprint's mean.
+    fn filter(&self, footprint: [f32; 2]) -> Filter {
         let (width, height) = self.base.levels[0].dimensions();
         let (across, along) =
             (footprint[0].abs() * float(height), footprint[1].abs() * float(width));
@@ -196,28 +218,40 @@ impl Maps {
         // The level whose texels are as large as the shorter side, or larger if the number of
         // lookups was limited.
         let level = (long / taps).max(short).log2().clamp(0.0, top);
-        // Trilinear: interpolate between this level and the next coarser one.
-        let (fine, share) = (whole(level), level.fract());
-        let mut sum = [Vec4::ZERO; N];
-        for tap in 0..whole(taps) {
-            let aside = (float(u32::try_from(tap).unwrap_or(0)) + 0.5) / taps - 0.5;
-            let (du, dv) = if across > along {
-                (aside * footprint[0], 0.0)
-            } else {
-                (0.0, aside * footprint[1])
-            };
-            let at = TexCoord { u: u + du, v: v + dv, shape };
-            for (level, weight) in [(fine, 1.0 - share), (fine + 1, share)] {
-                // The first level always counts. The second may not exist where its weight is 0.
-                if level == fine || weight > 0.0 {
-                    let values = look_up(level, at);
-                    sum.iter_mut()
-                        .zip(values)
-                        .for_each(|(sum, value)| *sum += value * (weight / taps));
-                }
-            }
+        let longer = if across > along { [footprint[0], 0.0] } else { [0.0, footprint[1]] };
+        Filter {
+            taps: truncated(taps),
+            longer,
+            fine: whole(level),
+            share: level - float(truncated(level)),
         }
-        sum
+    }
+}
+
+/// Anisotropic filtering (McCormack et al. 1999, 'Feline: fast elliptical lines for anisotropic
+/// texture mapping'): several trilinear lookups along the footprint's longer side. Their mip level
+/// suits the shorter side.
+struct Filter {
+    taps: u32,
+    /// The longer side, in u and in v.
+    longer: [f32; 2],
+    fine: usize,
+    /// Weight of the next coarser level.
+    share: f32,
+}
+
+impl Filter {
+    /// The place of a lookup.
+    fn place(&self, [u, v]: [f32; 2], tap: u32, shape: Shape) -> TexCoord {
+        let aside = (float(tap) + 0.5) / float(self.taps) - 0.5;
+        TexCoord { u: u + aside * self.longer[0], v: v + aside * self.longer[1], shape }
+    }
+
+    /// Levels and their weights. The first level always counts. The second may not exist where its
+    /// weight is 0.
+    fn levels(&self) -> impl Iterator<Item = (usize, f32)> {
+        let second = (self.share > 0.0).then_some((self.fine + 1, self.share));
+        [(self.fine, 1.0 - self.share)].into_iter().chain(second)
     }
 }
 
@@ -321,17 +355,33 @@ pub static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
 
 /// The texel to the left of (or above) the place `share` of a side, and the fraction of the way to
 /// the next texel.
-fn cell(share: f32, size: u32) -> (i64, f32) {
+fn before(share: f32, size: u32) -> (i64, f32) {
     // Texel centres lie at half-integers.
     let place = share * float(size) - 0.5;
-    #[expect(clippy::cast_possible_truncation, reason = "saturates far outside of any picture")]
-    let first = place.floor() as i64;
-    (first, place - place.floor())
+    let first = floor(place);
+    #[expect(clippy::cast_possible_truncation, reason = "it has no fraction")]
+    (first as i64, place - first)
+}
+
+/// The largest whole number that isn't larger, of numbers up to 2^31. Without the instruction for it,
+/// which not every processor has, `f32::floor` calls a function.
+fn floor(number: f32) -> f32 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        reason = "the whole part of an f32 is one"
+    )]
+    let whole = number as i32 as f32;
+    if whole > number { whole - 1.0 } else { whole }
 }
 
 /// Index with repeat addressing.
 fn wrapped(index: i64, size: u32) -> u32 {
-    u32::try_from(index.rem_euclid(i64::from(size))).unwrap_or(0)
+    // Most lie within, and a division takes longer than all else here.
+    match u32::try_from(index) {
+        Ok(index) if index < size => index,
+        _ => u32::try_from(index.rem_euclid(i64::from(size))).unwrap_or(0),
+    }
 }
 
 /// Index with clamp-to-edge addressing.
@@ -350,8 +400,13 @@ fn float(count: u32) -> f32 {
     clippy::cast_sign_loss,
     reason = "a small number from 0 up"
 )]
+fn truncated(number: f32) -> u32 {
+    number as u32
+}
+
+/// The same as an index.
 pub(crate) fn whole(number: f32) -> usize {
-    number as usize
+    truncated(number) as usize
 }
 
 #[cfg(test)]
@@ -425,6 +480,32 @@ mod tests {
             Mips::new(tilted, MapKind::Normal).levels[1].get_pixel(0, 0).0,
             [128, 128, 255, 255]
         );
+    }
+
+    #[test]
+    fn a_place_is_covered_as_often_as_its_alpha_says() {
+        let maps = maps(RgbaImage::from_fn(32, 16, |x, y| {
+            Rgba([90, 90, 90, ((x * 37 + y * 91) % 256).to_le_bytes()[0]])
+        }));
+        let mut bits = 7;
+        let mut random = || {
+            bits = crate::ply::hash(bits + 1);
+            crate::cpu::sample::unit(bits)
+        };
+        for (place, footprint) in
+            [([0.31, 0.47], [0.0, 0.0]), ([0.01, 0.99], [0.1, 0.03]), ([0.62, 0.20], [0.02, 0.3])]
+        {
+            for shape in [Shape::Tube, Shape::Ribbon] {
+                let [u, v] = place;
+                let alpha = maps.sample(u, v, footprint[0], footprint[1], shape).alpha;
+                let tries = 20_000_u16;
+                let covered =
+                    (0..tries).filter(|_| maps.covers(place, footprint, shape, &mut random));
+                let share = covered.count() as f32 / f32::from(tries);
+                // Three standard deviations.
+                assert!((share - alpha).abs() < 0.011, "{share} of {alpha}");
+            }
+        }
     }
 
     #[test]

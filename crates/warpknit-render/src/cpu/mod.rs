@@ -17,7 +17,7 @@ pub(crate) mod lit;
 #[cfg(feature = "gpu")]
 pub(crate) mod patches;
 mod raytrace;
-mod sample;
+pub(crate) mod sample;
 mod splat;
 
 use std::ops::Range;

@@ -88,7 +88,7 @@ impl SampleSequence {
 
 /// The upper 24 bits as a number in 0..1, without 1.
 #[inline]
-pub(super) fn unit(bits: u32) -> f32 {
+pub(crate) fn unit(bits: u32) -> f32 {
     #[expect(clippy::cast_precision_loss, reason = "24 bits fit")]
     let number = (bits >> 8) as f32;
     number / 16_777_216.0

@@ -28,6 +28,9 @@ const RADIUS_MARGIN: f32 = 1.001;
 /// Strands that are subdivided before their paths are appended to the others. Only one batch exists
 /// twice in memory.
 const BATCH: usize = 512;
+/// Difference of the integers whose hashes are a series of random numbers: odd, so that none comes
+/// twice, and with its bits mixed.
+const RANDOM_STEP: u32 = 0x9E37_79B9;
 /// Strands of a batch that one task subdivides.
 const PART: usize = 8;
 
@@ -128,7 +131,7 @@ impl<'a> Segments<'a> {
         self.scene.maps_of(&self.scene.looks[usize::from(self.look(start))])
     }
 
-    /// Whether a strip's texture stops the ray at a crossing: its alpha against a random number.
+    /// Whether a strip's texture stops the ray at a crossing, at random by its alpha.
     pub(super) fn is_opaque_at(
         &self,
         start: u32,
@@ -137,12 +140,15 @@ impl<'a> Segments<'a> {
         ray: &SceneRay,
     ) -> bool {
         let radius = self.scene.looks[usize::from(self.look(start))].radius;
-        let v = self.along(start, v) / maps.length;
-        let (across, along) = (ray.footprint / (2.0 * radius), ray.footprint / maps.length);
-        let alpha = maps.alpha(u, v, across, along, Shape::Ribbon);
+        let place = [u, self.along(start, v) / maps.length];
+        let footprint = [ray.footprint / (2.0 * radius), ray.footprint / maps.length];
         // A hash of the ray and the strip. Two strips in front of each other get independent
         // numbers, or two half-transparent ones would let the same half of all rays through.
-        alpha > unit(hash(ray.random_bits ^ hash(start)))
+        let mut bits = ray.random_bits ^ hash(start);
+        maps.covers(place, footprint, Shape::Ribbon, || {
+            bits = hash(bits.wrapping_add(RANDOM_STEP));
+            unit(bits)
+        })
     }
 
     /// Both end points of a segment, with radii in w.
