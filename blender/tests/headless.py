@@ -111,10 +111,18 @@ def check_rendered_frames(shirt, target):
     bpy.data.objects.remove(camera)
 
 
+def check_modifiers(shirt, target):
+    """Subdivided faces have UVs that differ in the last bits, and are one cloth all the same."""
+    shirt.modifiers.new("finer", "SUBSURF")
+    finer = knitted(garment=shirt, fabric="locknit", wales_per_cm=1.0)
+    assert len(finer.data.splines) < 1.5 * len(target.data.splines)
+    shirt.modifiers.clear()
+
+
 def check_flat_and_draped():
     scale = {"global_scale": 0.01}
     flat, draped = (imported(MESHES / f"tube_{name}.obj", **scale) for name in ("flat", "draped"))
-    target = knitted(garment=draped, flat=flat, lapping="2-3/1-0// 1-0/1-2//", wales_per_cm=1.0)
+    target = knitted(garment=draped, flat=flat, lapping="2-3/1-0// + 1-0/1-2//", wales_per_cm=1.0)
     assert len(target.data.splines) > 50 and len(target.data.materials) == 2
     cloth, _ = points(target)
     body = np.array([draped.matrix_world @ vertex.co for vertex in draped.data.vertices])
@@ -138,8 +146,10 @@ def check_refusals(shirt):
     bpy.ops.mesh.primitive_cube_add()
     cube = bpy.context.object
     refused("must be the same mesh", garment=shirt, flat=cube)
-    bpy.context.scene.unit_settings.scale_length = 100.0
-    refused("m large in this scene: import it at its own scale", garment=shirt, wales_per_cm=10.0)
+    refused("does not lie flat", garment=shirt, flat=shirt)
+    for scale in (100.0, 1e-5):
+        bpy.context.scene.unit_settings.scale_length = scale
+        refused("m large in this scene: import it at its own scale", garment=shirt, wales_per_cm=10.0)
     bpy.context.scene.unit_settings.scale_length = 1.0
     while cube.data.uv_layers:
         cube.data.uv_layers.remove(cube.data.uv_layers[0])
@@ -212,6 +222,7 @@ def main():
     target = check_uv_map(shirt)
     check_frames(shirt, target)
     check_rendered_frames(shirt, target)
+    check_modifiers(shirt, target)
     check_flat_and_draped()
     check_refusals(shirt)
     check_saved(target)

@@ -14,8 +14,13 @@ import warpknit
 
 # Edges of the tubes from which centre lines are taken: the fewest that have a middle.
 EDGES = 3
-# A garment larger than this, mm, has probably been imported at a wrong scale.
-LARGEST = 20_000.0
+# A garment that is larger or smaller than these, mm, has probably been imported at a wrong scale.
+LARGEST, SMALLEST = 20_000.0, 20.0
+# Corners of a vertex whose UVs differ by less than this share of the UV map have one place on the pattern. Modifiers compute UVs face by
+# face, and round them. A wider seam is one.
+SAME_UV = 1e-5
+# A flat object may be this share of its second longest side thick, such as layers of panels.
+FLAT = 0.02
 
 
 class KnitError(Exception):
@@ -23,8 +28,8 @@ class KnitError(Exception):
 
 
 def fabric_of(name, chains):
-    """The built-in fabric of that name, or that of chains, which are separated by blanks, front bar first."""
-    return warpknit.Fabric.from_chains(chains.split()) if chains.strip() else warpknit.Fabric.named(name)
+    """The built-in fabric of that name, or that of chains with blanks or ` + ` between, front bar first."""
+    return warpknit.Fabric.from_chains(chains.replace(" + ", " ").split()) if chains.strip() else warpknit.Fabric.named(name)
 
 
 def millimetres(scene):
@@ -59,9 +64,18 @@ def _corners(owner, depsgraph, layer=None):
     return places @ matrix[:3, :3].T + matrix[:3, 3], vertices[loops], None if uv is None else uv[loops]
 
 
-def _distinct(rows):
-    """The first of equal rows, and for each row the number of its equal."""
-    _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+def _grouped(groups, numbers, tolerance):
+    """Groups that are parted where their numbers, in order, lie further apart than a tolerance."""
+    order = np.lexsort((numbers, groups))
+    begins = (np.diff(groups[order]) != 0) | (np.diff(numbers[order]) > tolerance)
+    parted = np.empty(len(groups), dtype=np.int64)
+    parted[order] = np.concatenate([[0], np.cumsum(begins)])
+    return parted
+
+
+def _firsts(groups):
+    """The first corner of each group, and for each triangle the groups of its corners."""
+    _, first, inverse = np.unique(groups, return_index=True, return_inverse=True)
     return first, inverse.reshape(-1, 3).astype(np.uint32)
 
 
@@ -76,22 +90,26 @@ def garment_of(draped, flat, scene, depsgraph, grain=0.0, turn=False):
                 f"{flat.name} has {len(own) // 3} triangles and {draped.name} has {len(corners) // 3}: they must be the same mesh"
             )
         # The pattern lies in the plane of its two longer sides, x before y before z.
-        axes = np.sort(np.argsort(np.ptp(pattern, axis=0))[1:])
-        first, faces = _distinct(np.column_stack([own, corners]))
+        sides = np.ptp(pattern, axis=0)
+        thin, middle, _ = np.argsort(sides)
+        if sides[thin] > FLAT * sides[middle]:
+            raise KnitError(f"{flat.name} does not lie flat: choose an object whose faces lie in a plane, or none to take the UV map")
+        axes = np.delete(np.arange(3), thin)
+        first, faces = _firsts(_grouped(own, corners, 0))
         flat_places, uv_scale = scale * pattern[own[first]][:, axes], 1.0
     else:
         layer = draped.data.uv_layers.active
         if layer is None:
             raise KnitError(f"{draped.name}: there is no UV map to take for the pattern: unwrap it, or choose a flat object")
         places, corners, uv = _corners(draped, depsgraph, layer.name)
-        # Corners of one vertex with one UV are one place of the pattern. Blender's UVs are 32-bit floats, so equal ones are equal.
-        first, faces = _distinct(np.column_stack([corners, uv]))
+        tolerance = SAME_UV * np.ptp(uv, axis=0).max()
+        first, faces = _firsts(_grouped(_grouped(corners, uv[:, 0], tolerance), uv[:, 1], tolerance))
         flat_places, uv_scale = uv[first], None
     places = scale * places[corners[first]]
     size = np.ptp(places, axis=0).max()
-    if size > LARGEST:
+    if not SMALLEST <= size <= LARGEST:
         warnings.warn(
-            f"{draped.name} is {size / 1000:.0f} m large in this scene: import it at its own scale, or change Scene > Units > Unit Scale"
+            f"{draped.name} is {size / 1000:.3g} m large in this scene: import it at its own scale, or change Scene > Units > Unit Scale"
         )
     return warpknit.Garment.from_arrays(flat_places, places, faces, uv_scale=uv_scale, grain=grain, turn=turn)
 
@@ -118,7 +136,9 @@ def _materials(curves, fabric):
             continue
         material = bpy.data.materials.new(f"{fabric.name} bar {bar + 1}")
         rgba = (*_linear(color), 1.0)
-        material.use_nodes = True
+        # Before Blender 5 a new material has no nodes.
+        if material.node_tree is None:
+            material.use_nodes = True
         shader = material.node_tree.nodes.get("Principled BSDF")
         if shader is not None:
             shader.inputs["Base Color"].default_value = rgba

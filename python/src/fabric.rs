@@ -86,7 +86,7 @@ impl Fabric {
     }
 
     /// A warp knit of these chains, front bar first: Fabric.from_chains(["2-3/1-0//", "1-0/1-2//"]).
-    /// One text is the chain of a single bar.
+    /// One text is the chain of a single bar, or has " + " between those of several.
     ///
     /// threading: marks such as "I." for all bars, or a list of one for each bar. Full by default.
     /// yarn: a count such as "44 dtex", "20 den", "4.4 tex" or "40 Nm", or a list of one for each
@@ -116,15 +116,15 @@ impl Fabric {
         let counts = yarn.0.iter().map(|text| text.parse::<Count>()).collect::<Result<Vec<_>, _>>();
         let counts = counts.map_err(|error| FabricError::new_err(error.to_string()))?;
         let threadings = threading.map_or_else(Vec::new, |threading| threading.0);
-        if threadings.len() > chains.len() {
-            return Err(FabricError::new_err(format!(
-                "threading has {} marks for {} chains: give one for each chain, or one for all",
-                threadings.len(),
-                chains.len()
-            )));
-        }
         let base = fabric::Fabric::named(BASE).map_err(refuse)?;
         let knit = base.with_chains(&chains, &threadings).map_err(refuse)?;
+        let bars = knit.yarn_systems();
+        if threadings.len() > bars {
+            return Err(FabricError::new_err(format!(
+                "threading has {} marks for {bars} chains: give one for each chain, or one for all",
+                threadings.len()
+            )));
+        }
         let densities = Densities { wales_per_cm, courses_per_cm };
         let (fabric, misfit) = densities.of_counts(knit, &counts).map_err(refuse)?;
         if let Some(misfit) = misfit {

@@ -6,8 +6,9 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use image::RgbaImage;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -115,22 +116,23 @@ pub(crate) fn size((width, height): (i64, i64)) -> PyResult<(u32, u32)> {
     Ok((whole("the width in size", width, &pixels)?, whole("the height in size", height, &pixels)?))
 }
 
-/// Draws yarns of a fabric that lie on a garment. By itself it stands in a studio, or not. The camera
-/// frames the points.
+/// Draws yarns of a fabric that lie on a garment or are a swatch. The camera frames the garment, or the
+/// swatch's yarns. `stop` ends it.
 pub(crate) fn draw(
     scene: &Scene,
     picture: PictureSettings,
     (garment, fabric): (&Garment, &Fabric),
-    has_studio: bool,
-    framed: &[Vec3],
+    is_swatch: bool,
+    stop: Arc<AtomicBool>,
 ) -> Result<RgbaImage, RunError> {
     let pattern = Pattern::new(fabric);
     let around = &pipeline::draped_points(garment);
-    let staged = Staged { garment, fabric, pattern: &pattern, around, has_studio };
+    let staged = Staged { garment, fabric, pattern: &pattern, around, has_studio: !is_swatch };
     let set = pipeline::set(&picture, &staged, 0)?;
     let (view, zoom) = (picture.view, picture.zoom);
     let settings = Settings { picture, ..Settings::default() };
-    let options = RenderOptions { set, ..pipeline::options(&settings) };
+    let options = RenderOptions { set, stop: Some(stop), ..pipeline::options(&settings) };
+    let framed = if is_swatch { &scene.positions } else { around };
     let camera = Camera::view(view, framed, Camera::DEFAULT_FOV, zoom, options.aspect());
     Ok(render::render(scene, &camera, &options, &|_| ())?)
 }

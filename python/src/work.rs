@@ -46,7 +46,7 @@ impl From<Stopped> for Fault {
 /// What work and its waiter tell each other.
 #[derive(Default)]
 pub(crate) struct Watch {
-    is_unwanted: AtomicBool,
+    is_unwanted: Arc<AtomicBool>,
     reached: Mutex<Option<(Stage, f64)>>,
 }
 
@@ -54,6 +54,11 @@ impl Watch {
     /// Ends work that nobody waits for, before its next stage or block.
     pub(crate) fn check_wanted(&self) -> Result<(), Stopped> {
         if self.is_unwanted.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
+    }
+
+    /// What becomes true when nobody waits any longer.
+    pub(crate) fn unwanted(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.is_unwanted)
     }
 
     /// Notes how far the work is: a stage, and the share of it or of the blocks that is done.

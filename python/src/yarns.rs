@@ -29,12 +29,14 @@ use crate::error;
 use crate::laid::{LaidArrays, index64};
 use crate::names;
 use crate::picture::{self, Keywords};
+use crate::work::awaited;
 
 /// Memory of tubes: places, normals and texture coordinates of a vertex, and a triangle's corners.
 const VERTEX_BYTES: f64 = 32.0;
 const TRIANGLE_BYTES: f64 = 12.0;
 
 /// What yarns were laid on.
+#[derive(Clone)]
 pub(crate) enum Origin {
     /// A garment, as it was read.
     Garment(Arc<garment::Garment>),
@@ -225,24 +227,22 @@ impl Yarns {
         Ok(scene)
     }
 
-    /// A picture. The camera frames the garment, or the swatch's yarns.
+    /// A picture, which Ctrl-C ends.
     fn picture(&self, py: Python<'_>, picture: PictureSettings) -> PyResult<RgbaImage> {
         let (points, normals) = (self.points.bind(py).readonly(), self.normals.bind(py).readonly());
         let (points, normals) = (vectors(&points)?, vectors(&normals)?);
-        let drawn = py.detach(|| {
-            let scene = self.scene(points, normals, picture.shape)?;
-            match &self.origin {
-                Origin::Garment(garment) => {
-                    let framed = pipeline::draped_points(garment);
-                    picture::draw(&scene, picture, (garment, &self.shown), true, &framed)
-                }
+        let scene = py.detach(|| self.scene(points, normals, picture.shape));
+        let scene = scene.map_err(|error| error::of_run(&error))?;
+        let (origin, fabric) = (self.origin.clone(), self.shown.clone());
+        awaited(py, None, move |watch| {
+            let (is_swatch, garment) = match origin {
+                Origin::Garment(garment) => (false, garment),
                 Origin::Swatch([wales, courses]) => {
-                    let garment = swatch_panel(&self.shown, *wales, *courses);
-                    picture::draw(&scene, picture, (&garment, &self.shown), false, &scene.positions)
+                    (true, Arc::new(swatch_panel(&fabric, wales, courses)))
                 }
-            }
-        });
-        drawn.map_err(|error| error::of_run(&error))
+            };
+            Ok(picture::draw(&scene, picture, (&garment, &fabric), is_swatch, watch.unwanted())?)
+        })
     }
 }
 

@@ -218,22 +218,30 @@ def test_reports_tell_notes_from_warnings(tube: warpknit.Garment) -> None:
 INTERRUPTED = """
 import os, signal, threading, time, warpknit
 garment = warpknit.Garment.load(MESH)
+yarns = warpknit.swatch("tricot")
 sent = []
 def interrupt():
     sent.append(time.monotonic())
     os.kill(os.getpid(), signal.SIGINT)
 threading.Timer(1.0, interrupt).start()
 try:
-    warpknit.drape(garment, warpknit.Fabric.from_chains(["1-0/60-61//"]))
+    WORK
 except KeyboardInterrupt:
     print(time.monotonic() - sent[0])
 """
 
 
-def test_ctrl_c_is_heard_while_repeats_are_solved(meshes: Path, tmp_path: Path) -> None:
-    # Undisturbed, this drape takes minutes, all of them before the first block of yarns. The program ends
-    # as any other, while the work goes on.
-    code = INTERRUPTED.replace("MESH", repr(str(meshes / "tshirt.obj")))
+@pytest.mark.parametrize(
+    "work",
+    [
+        # Undisturbed, this drape takes minutes, all of them before the first block of yarns. The program ends
+        # as any other, while the work goes on.
+        'warpknit.drape(garment, warpknit.Fabric.from_chains(["1-0/60-61//"]))',
+        "yarns.render(size=(4000, 3000), spp=64)",
+    ],
+)
+def test_ctrl_c_is_heard(meshes: Path, tmp_path: Path, work: str) -> None:
+    code = INTERRUPTED.replace("MESH", repr(str(meshes / "tshirt.obj"))).replace("WORK", work)
     uncached = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], timeout=60, check=True, capture_output=True, text=True, env=uncached)
     assert 0.0 <= float(done.stdout) < 10.0

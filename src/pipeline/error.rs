@@ -185,7 +185,7 @@ pub enum RunError {
     SweepsUnrelaxed,
     /// No yarn on the garment.
     #[error(
-        "no yarn lies on the garment: its panels are smaller than a stitch; raise \
+        "no yarn lies on the garment: its panels are smaller than a stitch; check --unit, or raise \
          --wales-per-cm and --courses-per-cm"
     )]
     NoYarn,

@@ -167,6 +167,8 @@ pub fn lengths_note(cloth: &Cloth<'_>, options: &DrapeOptions) -> Option<String>
 /// Share of the points that may be locked without a warning. Cut edges and seams of most garments have
 /// some.
 const FEW_LOCKED: f64 = 0.01;
+/// Stretch up to which cloth isn't locked by being stretched.
+const LITTLE_STRETCH: f64 = 1.05;
 
 /// The warning about cloth that is strained further than its loops can follow. `strain` has the counts
 /// of each panel.
@@ -182,11 +184,19 @@ pub fn locked_warning(strain: &[StrainCounts], garment: &Garment) -> Option<Stri
     let most = (0..strain.len()).max_by_key(|&panel| strain[panel].locked)?;
     // Medians would say little: the rest of a locked panel may lie slack.
     let ([.., wales], [.., courses]) = stretch(std::slice::from_ref(&garment.panels[most]));
+    let (how, remedy) = if wales.max(courses) < LITTLE_STRETCH {
+        ("bent sharply or sheared".to_owned(), "smooth the draped mesh")
+    } else {
+        let stretched = format!(
+            "stretched in places to {wales:.2} times its length along the wales and {courses:.2} \
+             along the courses"
+        );
+        (stretched, "take a pattern that fits the body with less stretch")
+    };
     Some(format!(
         "the garment strains {:.0} % of the cloth further than its loops can follow: most on panel \
-         {most}, {:.0} % of it, which is stretched in places to {wales:.2} times its length along the \
-         wales and {courses:.2} along the courses; yarns there stretch like rubber and may cut each \
-         other; take a pattern that fits the body with less stretch, or a fabric that gives more",
+         {most}, {:.0} % of it, which is {how}; yarns there stretch like rubber and may cut each \
+         other; {remedy}, or take a fabric that gives more",
         100.0 * share(&all),
         100.0 * share(&strain[most]),
     ))

@@ -12,6 +12,7 @@ const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 
 const WIDTH = 2048;                    // of the textures; yarn.vert knows it too
 const END = 256;                       // flag of the entries behind a strand's last point
+const CLOSED = 0.75;                   // cover of cloth whose depth is as dark as any's
 const LIGHT = 0, PICTURE = -1;         // what fills an area, in the place of a yarn's sides; yarn.frag knows them too
 const FOV = Math.PI / 6;
 const THINNEST = 0.6;                  // pixels to each side of a ribbon: thinner ones would break up into dots
@@ -216,6 +217,7 @@ gl.enable(gl.DEPTH_TEST);
 gl.uniform1f(at('grid'), cloth.step);
 gl.uniform3fv(at('low'), origin);
 gl.uniform3fv(at('colorsFromAfar'), cloth.colors_from_afar.flat());
+gl.uniform1f(at('closed'), Math.min(1, (cloth.cover ?? CLOSED) / CLOSED));
 
 // How finely a chunk is drawn where a mm at its distance has so many pixels: rings an entry, and sides. Each entry has
 // a ring at least: with fewer, chords would leave out the tops of loops, and another bar would colour the cloth.

@@ -8,14 +8,16 @@ uniform vec3 color, lamp, sky;        // linear; directions
 uniform vec3 colorsFromAfar[2];       // means of what is seen of the front and of the back, linear
 uniform float repeat;                 // the longer side of the fabric's repeat, mm
 uniform vec2 heights;                 // mm of depth at the back and the face of the cloth
+uniform float closed;                 // 1 for cloth whose yarns hide the sky from each other, 0 for one yarn alone
 uniform float radius;
 uniform int sides;
 uniform float opacity;                // alpha of light that fills an area
 uniform highp sampler2D picture;      // linear light, and how much of the ground's light it stops
 uniform vec3 ground;                  // linear
 
-// How light a place of the cloth is from afar, and how much of the difference between places is left out there.
-const float FAR_OPEN = .62, FAR_SHARE = .8;
+// How light closed cloth is in its depth, how light a place of it is from afar, and how much of the difference
+// between places is left out there.
+const float DEEP_OPEN = .22, FAR_OPEN = .62, FAR_SHARE = .8;
 
 in vec3 sight, side, front, along, cloth;
 in float across, height, size, around, phase;
@@ -47,7 +49,8 @@ void main() {
   float near = smoothstep(.25, 1.1, size);
   vec3 lit = normalize(mix(facing * c, n, .3 + .7 * near));
 
-  float open = mix(mix(.22, 1., smoothstep(.05, .95, depth)), FAR_OPEN, FAR_SHARE * (1. - near));
+  float open = mix(mix(DEEP_OPEN, 1., smoothstep(.05, .95, depth)), FAR_OPEN, FAR_SHARE * (1. - near));
+  open = mix(1., open, closed);
   open *= mix(1., .62 + .38 * smoothstep(0., .75, dot(n, v)), near);
   // Nor does a pixel show which yarns a small repeat is made of. Stripes of a large one stay.
   float mixed = (1. - smoothstep(.2, .6, size)) * (1. - smoothstep(8., 16., repeat * size / radius));

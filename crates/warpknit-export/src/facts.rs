@@ -22,6 +22,8 @@ pub struct Facts {
     pub systems: Vec<SystemFacts>,
     /// Label and value, in the order in which they are shown.
     pub cloth: Vec<(&'static str, String)>,
+    /// The share of the area that yarns hide. It is unknown without a fabric.
+    pub cover: Option<f64>,
     /// Optical depth of the cloth, seen from the front, over the area of its yarns side by side.
     /// It is 1 for yarns that lie at random, more where they lie beside each other, and less where
     /// they lie behind each other. It is unknown without a fabric.
@@ -97,6 +99,7 @@ impl Facts {
             about: fabric.about.clone(),
             systems: systems.collect(),
             cloth,
+            cover: Some(numbers.cover),
             depth_of_yarns: depth_of_yarns(fabric, numbers),
             visible_shares: visible_shares(shown.0, shown.1),
             repeat: Some(longer_side(shown.0)),

@@ -107,6 +107,7 @@ impl<W: Write + Seek + Send> HtmlWriter<W> {
             "about": self.facts.about,
             "bars": bars.collect::<Vec<_>>(),
             "facts": self.facts.cloth,
+            "cover": self.facts.cover,
             // Fibres lie in yarns nearly at random.
             "optical_depth": self.facts.depth_of_yarns.filter(|_| !self.has_fibres).unwrap_or(1.0),
             "colors_from_afar": self.colors_from_afar(),

@@ -59,6 +59,7 @@ pub use tone::Background;
 
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::scene::Scene;
 use crate::set::Set;
@@ -111,6 +112,9 @@ pub struct RenderOptions {
     pub lod: bool,
     /// Seed of the sampling noise. The same seed gives the same bytes.
     pub seed: u32,
+    /// Ends the drawing once it is true. What isn't drawn by then has no yarns. Only the processor
+    /// looks at it.
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl RenderOptions {
@@ -118,6 +122,11 @@ impl RenderOptions {
     #[must_use]
     pub fn aspect(&self) -> f64 {
         f64::from(self.width.max(1)) / f64::from(self.height.max(1))
+    }
+
+    /// Whether nobody wants the picture any longer.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
     /// A place of a pixel, 0..1 across and down, in the coordinates of [`Camera::direction`].
@@ -155,6 +164,7 @@ impl Default for RenderOptions {
             sr: 12,
             lod: true,
             seed: 0,
+            stop: None,
         }
     }
 }

@@ -18,10 +18,12 @@ use super::{Dimensions, Fabric, Structure, WarpKnit};
 
 /// Difference of two proportions of wales to courses that count as one, as a share.
 const SAME_PROPORTION: f64 = 0.02;
+/// What stands between the chains of a name.
+const BETWEEN_CHAINS: &str = " + ";
 
 impl Fabric {
     /// A warp knit of these chains (or `weft`) and threadings, front first, as the command line
-    /// gives them.
+    /// gives them. One text may hold the chains of several bars, with ` + ` between, as names do.
     ///
     /// Densities and yarns stay: each bar has the yarn of this fabric's yarn system in its place,
     /// or of the last one. Without threadings all are full, and the last threading is that of all
@@ -36,6 +38,7 @@ impl Fabric {
     /// let chains = ["3-4/1-0".to_owned(), "1-0/1-2".to_owned()];
     /// let satin = Fabric::named("tricot")?.with_chains(&chains, &[])?;
     /// assert_eq!(satin.name, "3-4/1-0// + 1-0/1-2//");
+    /// assert_eq!(Fabric::named("tricot")?.with_chains(&[satin.name.clone()], &[])?, satin);
     /// # Ok::<(), warpknit_core::fabric::FabricError>(())
     /// ```
     pub fn with_chains(
@@ -50,8 +53,9 @@ impl Fabric {
             read.push(threading.map_err(|fault| fault.in_own(text))?);
         }
         let last = self.yarns().last().ok_or(FabricFault::NoBars)?;
-        let mut bars = Vec::with_capacity(chains.len());
-        for (index, text) in chains.iter().enumerate() {
+        let mut bars = Vec::new();
+        let chains = chains.iter().flat_map(|text| text.split(BETWEEN_CHAINS));
+        for (index, text) in chains.enumerate() {
             let lay = bar::read_lapping("--lapping", text, Numbering::default())
                 .map_err(|fault| fault.in_own(text))?;
             let threading = read.get(index).or(read.last()).cloned();
@@ -68,7 +72,7 @@ impl Fabric {
             Structure::Weft(_) | Structure::Laid(_) => Dimensions::default(),
         };
         let fabric = Self {
-            name: bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + "),
+            name: bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(BETWEEN_CHAINS),
             about: String::new(),
             structure: Structure::Warp(WarpKnit { bars, stitch }),
             ..self

@@ -88,7 +88,7 @@ pub fn render(
         let tiles: Vec<_> = first_rows
             .map(|first| {
                 let tile = first..end.min(first.saturating_add(TILE));
-                let rows = sample_rows(method.as_ref(), backdrop.as_ref(), tile, width);
+                let rows = sample_rows(method.as_ref(), backdrop.as_ref(), tile, options);
                 for _ in &rows {
                     let rows_done = done.fetch_add(1, Ordering::Relaxed) + 1;
                     progress(share(rows_done, sampled.end - sampled.start));
@@ -132,10 +132,14 @@ fn sample_rows(
     method: Option<&PictureMethod<'_>>,
     backdrop: Option<&Backdrop<'_>>,
     rows: Range<u32>,
-    width: u32,
+    options: &RenderOptions,
 ) -> Vec<Splats> {
+    let width = options.width;
     let mut rows: Vec<_> = rows.map(|y| (y, Splats::new(width))).collect();
     for left in (0..width).step_by(TILE as usize) {
+        if options.is_stopped() {
+            break;
+        }
         for (y, splats) in &mut rows {
             for x in left..width.min(left.saturating_add(TILE)) {
                 let behind = backdrop.map_or(Behind::NOTHING, |backdrop| {
