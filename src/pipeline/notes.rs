@@ -54,9 +54,10 @@ fn true_gauge(job: &Job<'_>, drawn: &Drawn<'_>) -> String {
         count_text(stitches_on(job.fabric, job.area))
     };
     let (_, shows) = subject(job, ["shows", "show"]);
+    let hems = if job.threads.is_empty() { "" } else { " with its hems and seams" };
     format!(
-        "{shows} true gauge: about {stitches} stitches and {} of memory; --enlarge auto draws about \
-         {} larger ones",
+        "{shows} true gauge: about {stitches} stitches{hems} and {} of memory; --enlarge auto draws \
+         about {} larger ones",
         size_text(drawn.bytes),
         count_text(PICTURED_STITCHES)
     )
