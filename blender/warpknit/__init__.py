@@ -57,6 +57,7 @@ def build(target, context_scene, depsgraph):
     fabric = knit.fabric_of(settings.fabric, settings.lapping)
     degrees = math.degrees(settings.grain)
     garment = knit.garment_of(settings.garment, settings.flat, context_scene, depsgraph, degrees, settings.turn)
+    # Blender's numbers have 32 bits: 0.01 is a little less.
     yarns = warpknit.drape(garment, fabric, round(settings.wales_per_cm, 6) or None, settings.mapping)
     knit.fill(target.data, yarns, context_scene, settings.samples)
     return yarns

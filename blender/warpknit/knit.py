@@ -17,7 +17,7 @@ EDGES = 3
 # A garment that is larger or smaller than these, mm, has probably been imported at a wrong scale.
 LARGEST, SMALLEST = 20_000.0, 20.0
 # Corners of a vertex whose UVs differ by less than this share of the UV map have one place on the pattern. Modifiers compute UVs face by
-# face, and round them. A wider seam is one.
+# face, and round them to a share of some 1e-7: a smaller tolerance cuts the cloth at each edge. A larger one sews narrow seams together.
 SAME_UV = 1e-5
 # A flat object may be this share of its second longest side thick, such as layers of panels.
 FLAT = 0.02
@@ -93,7 +93,7 @@ def garment_of(draped, flat, scene, depsgraph, grain=0.0, turn=False):
         sides = np.ptp(pattern, axis=0)
         thin, middle, _ = np.argsort(sides)
         if sides[thin] > FLAT * sides[middle]:
-            raise KnitError(f"{flat.name} does not lie flat: choose an object whose faces lie in a plane, or none to take the UV map")
+            raise KnitError(f"{flat.name} does not lie flat, across the scene's x, y or z: rotate it, or choose no flat object to take the UV map")
         axes = np.delete(np.arange(3), thin)
         first, faces = _firsts(_grouped(own, corners, 0))
         flat_places, uv_scale = scale * pattern[own[first]][:, axes], 1.0

@@ -29,13 +29,13 @@ fn main() -> Result<()> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("docs"), PathBuf::from);
     let pictures = folder.join("gallery");
     std::fs::create_dir_all(&pictures).with_context(|| pictures.display().to_string())?;
+    compare(&pictures)?;
     for name in builtin::names() {
         let fabric = Fabric::named(name)?;
         draw(&pictures, &fabric)?;
         let worn = pictures.join(page::picture_name(name, page::WORN));
         picture::write(&worn, &worn::draw(&fabric)?)?;
     }
-    compare(&pictures)?;
     let text = folder.join("gallery.md");
     std::fs::write(&text, page::text()).with_context(|| text.display().to_string())
 }

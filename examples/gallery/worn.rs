@@ -1,7 +1,7 @@
 //! A picture of a fabric as a garment: the shipped T-shirt on its body, at true gauge, in the studio.
 //!
-//! In: a fabric. Out: a picture. Cost: some ten seconds, and up to a minute where strained repeats of
-//! a fabric have to be solved first; they are kept in the user's cache.
+//! In: a fabric. Out: a picture. Cost: some ten seconds. Loops are smaller than pixels, so nobody would
+//! see that they follow the strain of the cloth, which takes up to a minute a fabric.
 
 use std::path::Path;
 
@@ -10,8 +10,9 @@ use image::RgbImage;
 use warpknit::export::Format;
 use warpknit::fabric::Fabric;
 use warpknit::garment::{self, ReadOptions};
+use warpknit::map::Mapping;
 use warpknit::pipeline::{
-    Body, Clock, LoupeChoice, PictureSettings, Settings, Source, cache_folder, drape,
+    Body, Clock, LoupeChoice, PictureSettings, Placement, Settings, Source, drape,
 };
 
 use crate::picture::{HEIGHT, WIDTH};
@@ -27,7 +28,7 @@ pub(crate) fn draw(fabric: &Fabric) -> Result<RgbImage> {
     let path = folder.path().join("worn.png");
     let settings = Settings {
         outputs: vec![(path.clone(), Format::Png)],
-        cache: cache_folder(),
+        placement: Placement { mapping: Mapping::Smooth, ..Placement::default() },
         picture: PictureSettings {
             size: (WIDTH, HEIGHT),
             spp: SAMPLES,

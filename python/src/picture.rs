@@ -19,7 +19,7 @@ use warpknit::pipeline::{self, Body, PictureSettings, RunError, Settings, Staged
 use warpknit::render::environment::Environment;
 use warpknit::render::light::toward_sun;
 use warpknit::render::scene::Scene;
-use warpknit::render::{self, Background, Camera, RenderOptions};
+use warpknit::render::{self, Background, Camera, RenderOptions, RendererChoice};
 
 use crate::error;
 use crate::names;
@@ -130,6 +130,7 @@ pub(crate) fn draw(
     let staged = Staged { garment, fabric, pattern: &pattern, around, has_studio: !is_swatch };
     let set = pipeline::set(&picture, &staged, 0)?;
     let (view, zoom) = (picture.view, picture.zoom);
+    let picture = PictureSettings { renderer: RendererChoice::Cpu, ..picture };
     let settings = Settings { picture, ..Settings::default() };
     let options = RenderOptions { set, stop: Some(stop), ..pipeline::options(&settings) };
     let framed = if is_swatch { &scene.positions } else { around };

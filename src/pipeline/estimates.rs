@@ -36,6 +36,8 @@ const DRIVER: f64 = 2e9;
 const SWEPT: f64 = 7000.0;
 /// Memory of a piece of yarn that rays are traced against, with its share of the tree.
 const PIECE: f64 = 75.0;
+/// Memory of the edges of a ribbon's piece.
+const RIBBON_PIECE: f64 = 24.0;
 /// Pieces between two data points where none are merged, as a mean over bends and straight runs.
 const PIECES: f64 = 1.65;
 
@@ -136,7 +138,11 @@ fn drawing_bytes(
     // Hairs show on yarns from eight pixels wide. No more of these fit into a picture, four deep.
     let shown = (points * step).min(0.5 * pixels * pixel);
     let bundles = bundles(fabric, fabric.radius(), FIBRE_RADIUS);
-    PIXEL * pixels + PIECE * pieces + hairs::bytes(&bundles, shown, pixel)
+    let piece = match scene.shape {
+        Shape::Tube => PIECE,
+        Shape::Ribbon => PIECE + RIBBON_PIECE,
+    };
+    PIXEL * pixels + piece * pieces + hairs::bytes(&bundles, shown, pixel)
 }
 
 /// Whether the processor draws all these pictures of a scene within `extent` without noise, as

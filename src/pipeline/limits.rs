@@ -13,7 +13,7 @@ use crate::drape::strands::Losses;
 use crate::drape::{Cloth, DrapeOptions, Totals};
 use crate::export::{ExportError, Format, html};
 use crate::garment::Garment;
-use crate::garment::stretch::stretch;
+use crate::garment::stretch::triangles;
 use crate::map::Mapping;
 use crate::map::relaxed::StrainCounts;
 use crate::system::available_memory_gb;
@@ -167,7 +167,8 @@ pub fn lengths_note(cloth: &Cloth<'_>, options: &DrapeOptions) -> Option<String>
 /// Share of the points that may be locked without a warning. Cut edges and seams of most garments have
 /// some.
 const FEW_LOCKED: f64 = 0.01;
-/// Stretch up to which cloth isn't locked by being stretched.
+/// Largest stretch of a panel below which bends have locked it. Loops of all built-in fabrics follow as
+/// much as this; a larger one would call cloth bent that was stretched.
 const LITTLE_STRETCH: f64 = 1.05;
 
 /// The warning about cloth that is strained further than its loops can follow. `strain` has the counts
@@ -182,15 +183,12 @@ pub fn locked_warning(strain: &[StrainCounts], garment: &Garment) -> Option<Stri
         return None;
     }
     let most = (0..strain.len()).max_by_key(|&panel| strain[panel].locked)?;
-    // Medians would say little: the rest of a locked panel may lie slack.
-    let ([.., wales], [.., courses]) = stretch(std::slice::from_ref(&garment.panels[most]));
-    let (how, remedy) = if wales.max(courses) < LITTLE_STRETCH {
-        ("bent sharply or sheared".to_owned(), "smooth the draped mesh")
+    let largest = triangles(std::slice::from_ref(&garment.panels[most])).into_iter();
+    let largest = largest.map(|triangle| triangle.largest).fold(1.0, f64::max);
+    let (how, remedy) = if largest < LITTLE_STRETCH {
+        ("bent sharply".to_owned(), "smooth the draped mesh")
     } else {
-        let stretched = format!(
-            "stretched in places to {wales:.2} times its length along the wales and {courses:.2} \
-             along the courses"
-        );
+        let stretched = format!("stretched in places to {largest:.2} times its length");
         (stretched, "take a pattern that fits the body with less stretch")
     };
     Some(format!(
@@ -200,4 +198,26 @@ pub fn locked_warning(strain: &[StrainCounts], garment: &Garment) -> Option<Stri
         100.0 * share(&all),
         100.0 * share(&strain[most]),
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec2, DVec3};
+
+    use super::*;
+
+    #[test]
+    fn cloth_that_is_locked_is_said_to_be_stretched_or_bent() {
+        let of = |stretch: f64| {
+            let flat = [(0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0)].map(DVec2::from);
+            let draped = flat.map(|place| DVec3::new(stretch * place.x, place.y, 0.0));
+            Garment::from_arrays(&flat, &draped, &[[0, 1, 2], [0, 2, 3]]).unwrap()
+        };
+        let locked = |locked: usize| [StrainCounts { points: 100, locked, ..Default::default() }];
+        assert_eq!(locked_warning(&locked(1), &of(1.3)), None);
+        let stretched = locked_warning(&locked(20), &of(1.3)).unwrap();
+        assert!(stretched.contains("20 % of it, which is stretched in places to 1.30 times"));
+        let bent = locked_warning(&locked(20), &of(1.0)).unwrap();
+        assert!(bent.contains("bent sharply") && bent.contains("smooth the draped mesh"), "{bent}");
+    }
 }

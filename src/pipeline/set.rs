@@ -96,7 +96,7 @@ pub fn set(
     let studio = if has_studio { standing.reduce(Bounds::union) } else { None };
     let cover = numbers::measure(cloth.fabric, cloth.pattern).cover;
     #[expect(clippy::cast_possible_truncation, reason = "a share needs no more")]
-    let surface = mesh(&Solid::lining(cloth.garment, 0.0)).map(|cloth| (cloth, cover as f32));
+    let surface = mesh(&Solid::lining(cloth.garment, 0.0)).map(|surface| (surface, cover as f32));
     let set = Set::new(studio, body, surface);
     Ok(Some(Arc::new(match environment {
         Some(seen) => set.with_environment(seen),

@@ -308,6 +308,26 @@ fn negative_numbers_are_values_and_no_flags() {
     }
 }
 
+#[test]
+fn chains_that_are_joined_as_in_names_are_those_of_several_bars() {
+    let folder = tempfile::tempdir().unwrap();
+    let numbers = |flags: &[&str]| {
+        let mut command = warpknit(folder.path());
+        command
+            .args(["swatch", "--threading", "I.", "--threading", ".I", "-o", "a.csv"])
+            .args(flags);
+        command.output().unwrap()
+    };
+    let joined = numbers(&["--lapping", "1-0/1-2// + 1-2/1-0//"]);
+    assert!(joined.status.success(), "{joined:?}");
+    let apart = numbers(&["--lapping", "1-0/1-2//", "--lapping", "1-2/1-0//"]);
+    assert_eq!(joined.stdout, apart.stdout);
+    let one = numbers(&["--lapping", "1-0/1-2//"]);
+    let said = String::from_utf8(one.stderr).unwrap();
+    assert_eq!(one.status.code(), Some(2));
+    assert!(said.contains("--threading is given 2 times for one chain"), "{said}");
+}
+
 /// Of every file but the report, which has times in it.
 const ENDINGS: [&str; 11] =
     ["png", "glb", "csv", "obj", "ply", "html", "usda", "bcc", "curves.txt", "inp", "npz"];

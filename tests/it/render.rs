@@ -1,5 +1,8 @@
 //! Pictures of scenes whose look is known: sizes, shadows, order, coverage, determinism.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use crate::flip::flip;
 use crate::golden;
 use glam::{DVec3, Vec3};
@@ -174,6 +177,17 @@ fn bytes_of_far_yarns_do_not_depend_on_threads() {
     (0..4).for_each(|_| assert!(with(3) == one));
     // Far yarns have no noise, and so no seed.
     assert!(one == draw(&scene, &camera, &RenderOptions { seed: 1, spp: 3, ..options() }));
+}
+
+#[test]
+fn a_picture_that_nobody_wants_any_longer_ends_early() {
+    let (scene, stop) = (tangle(), Arc::new(AtomicBool::new(true)));
+    let stopped = RenderOptions { stop: Some(Arc::clone(&stop)), ..options() };
+    let empty = draw(&scene, &facing(400.0, 110.0), &stopped);
+    assert!(empty == draw(&Scene::default(), &facing(400.0, 110.0), &options()));
+    stop.store(false, Ordering::Relaxed);
+    let whole = draw(&scene, &facing(400.0, 110.0), &stopped);
+    assert!(whole == draw(&scene, &facing(400.0, 110.0), &options()) && whole != empty);
 }
 
 #[test]

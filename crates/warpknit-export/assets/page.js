@@ -12,7 +12,7 @@ const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 
 const WIDTH = 2048;                    // of the textures; yarn.vert knows it too
 const END = 256;                       // flag of the entries behind a strand's last point
-const CLOSED = 0.75;                   // cover of cloth whose depth is as dark as any's
+const CLOSED = 0.75;                   // cover from which on cloth is as dark in its depth as can be: that of tricot and locknit
 const LIGHT = 0, PICTURE = -1;         // what fills an area, in the place of a yarn's sides; yarn.frag knows them too
 const FOV = Math.PI / 6;
 const THINNEST = 0.6;                  // pixels to each side of a ribbon: thinner ones would break up into dots

@@ -112,8 +112,8 @@ pub struct RenderOptions {
     pub lod: bool,
     /// Seed of the sampling noise. The same seed gives the same bytes.
     pub seed: u32,
-    /// Ends the drawing once it is true. What isn't drawn by then has no yarns. Only the processor
-    /// looks at it.
+    /// Ends the drawing once it is true. What isn't drawn by then is empty. Only the processor looks at
+    /// it.
     pub stop: Option<Arc<AtomicBool>>,
 }
 

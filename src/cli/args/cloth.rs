@@ -12,12 +12,12 @@ use crate::cli::values::{
 /// A lapping, yarns and run-ins of one's own.
 #[derive(Args, Debug)]
 pub(crate) struct Chains {
-    /// A bar's chain, such as 1-0/1-2//, or weft; one for each bar, front first. These bars replace
-    /// the fabric's bars and use their yarns
+    /// A bar's chain, such as 1-0/1-2//, or weft; one for each bar, front first, or
+    /// several in one with ' + ' between. These bars replace the fabric's bars and use their yarns
     #[arg(long, value_name = "CHAIN")]
     pub(crate) lapping: Vec<String>,
     /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across the bar; one
-    /// for each --lapping, or one for all [default: I]
+    /// for each chain, or one for all [default: I]
     #[arg(long, value_name = "MARKS", requires = "lapping")]
     pub(crate) threading: Vec<String>,
     /// Yarn count, such as "78 dtex" or "40 den", in place of the fabric's; one for each bar,

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use warpknit::fabric;
 use warpknit::pipeline::{LoupeChoice, Stretch};
 use warpknit::tile::Tile;
 
@@ -77,13 +78,15 @@ impl Arguments {
         };
         if let Some(Chains { lapping, threading, .. }) = chains
             && threading.len() > 1
-            && threading.len() != lapping.len()
+            && threading.len() != fabric::chains(lapping).count()
         {
+            let chains = match fabric::chains(lapping).count() {
+                1 => "one chain".to_owned(),
+                count => format!("{count} chains"),
+            };
             let message = format!(
-                "--threading is given {} times and --lapping {} times: give one for each bar, or \
-                 one for all",
-                threading.len(),
-                lapping.len()
+                "--threading is given {} times for {chains}: give one for each bar, or one for all",
+                threading.len()
             );
             Self::command().error(ErrorKind::WrongNumberOfValues, message).exit();
         }

@@ -21,9 +21,20 @@ const SAME_PROPORTION: f64 = 0.02;
 /// What stands between the chains of a name.
 const BETWEEN_CHAINS: &str = " + ";
 
+/// The chains in some texts, each of which may hold those of several bars with ` + ` between.
+///
+/// ```
+/// use warpknit_core::fabric::chains;
+/// let texts = ["2-3/1-0// + 1-0/1-2//".to_owned()];
+/// assert_eq!(chains(&texts).count(), 2);
+/// ```
+pub fn chains(texts: &[String]) -> impl Iterator<Item = &str> {
+    texts.iter().flat_map(|text| text.split(BETWEEN_CHAINS))
+}
+
 impl Fabric {
     /// A warp knit of these chains (or `weft`) and threadings, front first, as the command line
-    /// gives them. One text may hold the chains of several bars, with ` + ` between, as names do.
+    /// gives them: those of [`chains`].
     ///
     /// Densities and yarns stay: each bar has the yarn of this fabric's yarn system in its place,
     /// or of the last one. Without threadings all are full, and the last threading is that of all
@@ -54,8 +65,7 @@ impl Fabric {
         }
         let last = self.yarns().last().ok_or(FabricFault::NoBars)?;
         let mut bars = Vec::new();
-        let chains = chains.iter().flat_map(|text| text.split(BETWEEN_CHAINS));
-        for (index, text) in chains.enumerate() {
+        for (index, text) in self::chains(chains).enumerate() {
             let lay = bar::read_lapping("--lapping", text, Numbering::default())
                 .map_err(|fault| fault.in_own(text))?;
             let threading = read.get(index).or(read.last()).cloned();

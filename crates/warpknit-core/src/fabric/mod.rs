@@ -31,6 +31,7 @@ use yarn::Yarn;
 
 pub(crate) use bar::RACK;
 pub use bar::{Bar, Lay};
+pub use changes::chains;
 pub use checks::Needles;
 pub use dimensions::Dimensions;
 pub use error::{FabricError, FabricFault, Place};

@@ -1,9 +1,9 @@
 //! Chains of capsules or ribbon strips, the primitives that rays are tested against.
 //!
 //! In: a scene and a camera. Out: [`Segments`], that is [`YarnPaths`] whose pieces are capsules
-//! (tubes) or strips (ribbons), with the intersection of a ray and one segment. A textured ribbon
-//! is partly transparent: it stops a ray with a probability equal to its alpha ('stochastic
-//! transparency', Enderton et al. 2010). The random number depends on the ray and the strip alone,
+//! (tubes) or strips (ribbons), and what is known of the place where a ray meets one. A textured
+//! ribbon is partly transparent: it stops a ray with a probability equal to its alpha ('stochastic
+//! transparency', Enderton et al. 2010). The random numbers depend on the ray and the strip alone,
 //! so repeated tests agree.
 
 use glam::{Vec3, Vec3A, Vec4};
@@ -146,8 +146,8 @@ impl<'a> Segments<'a> {
         // numbers, or two half-transparent ones would let the same half of all rays through.
         let mut bits = ray.random_bits ^ hash(start);
         maps.covers(place, footprint, Shape::Ribbon, || {
-            bits = hash(bits.wrapping_add(RANDOM_STEP));
-            unit(bits)
+            bits = bits.wrapping_add(RANDOM_STEP);
+            unit(hash(bits))
         })
     }
 

@@ -54,26 +54,26 @@ impl RibbonEdges {
     /// The edges of ribbons that lie in the plane of the cloth. Each piece of yarn has the radius of its
     /// first point.
     pub(super) fn new(paths: &YarnPaths) -> Self {
-        let edges: Vec<[Vec3A; 2]> = (0..paths.points.len())
-            .into_par_iter()
-            .map(|point| {
-                let axis = paths.points[point];
+        // Lanes also load what lies behind the last strips.
+        let mut sides: [[Vec<f32>; 3]; 2] = Default::default();
+        sides.as_flattened_mut().iter_mut().for_each(|coordinates| {
+            coordinates.resize(paths.points.len() + LANES, 0.0);
+        });
+        let [[x0, y0, z0], [x1, y1, z1]] = &mut sides;
+        let coordinates = x0.par_iter_mut().zip(y0).zip(z0).zip(x1).zip(y1).zip(z1);
+        (paths.points.par_iter().enumerate()).zip(coordinates).for_each(
+            |((point, axis), (((((x0, y0), z0), x1), y1), z1))| {
                 // The last point of a strand has no radius of its own.
-                let radius =
-                    if axis.w > 0.0 { axis.w } else { paths.points[point.saturating_sub(1)].w };
+                let before = paths.points[point.saturating_sub(1)];
+                let radius = if axis.w > 0.0 { axis.w } else { before.w };
                 let (tangent, normal) =
                     (paths.tangents[point].unpack(), paths.across[point].unpack());
-                let aside = Vec3A::from(tangent.cross(normal).normalize_or_zero() * radius);
-                let axis = Vec3A::from_vec4(axis);
-                [axis - aside, axis + aside]
-            })
-            .collect();
-        // Lanes also load what lies behind the last strips.
-        let padded = |side: usize, axis: usize| {
-            let coordinates = edges.iter().map(|edges| edges[side][axis]);
-            coordinates.chain([0.0; LANES]).collect()
-        };
-        Self { sides: [0, 1].map(|side| [0, 1, 2].map(|axis| padded(side, axis))) }
+                let aside = tangent.cross(normal).normalize_or_zero() * radius;
+                [*x0, *y0, *z0] = (axis.truncate() - aside).to_array();
+                [*x1, *y1, *z1] = (axis.truncate() + aside).to_array();
+            },
+        );
+        Self { sides }
     }
 
     /// The corners of the strip that starts at point `start`.
@@ -254,9 +254,12 @@ mod tests {
         let edges = ribbon(&(0..=8).map(turned).collect::<Vec<_>>());
         for step in 0_u16..4000 {
             let (x, y) = (f32::from(step) * 1.9e-3 + 0.1, f32::from(step % 17) / 40.0 - 0.2);
-            for x in [x, x.round()] {
-                let origin = Vec3::new(x * 0.05, y * 0.05, 900.0);
-                let [distances, ..] = Instructions::best().run(Ray(&edges, origin, Vec3::NEG_Z));
+            for (x, lean) in
+                [(x, Vec3::ZERO), (x.round(), Vec3::ZERO), (x, Vec3::new(0.31, -0.17, 0.0))]
+            {
+                let direction = (lean - Vec3::Z).normalize();
+                let origin = Vec3::new(x * 0.05, y * 0.05, 0.0) - direction * 900.0;
+                let [distances, ..] = Instructions::best().run(Ray(&edges, origin, direction));
                 assert!(distances.iter().any(|distance| distance.is_finite()), "a hole at {x} {y}");
             }
         }

@@ -41,10 +41,7 @@ impl<'a> SegmentBvh<'a> {
 
     /// The nearest segment along `ray`.
     pub(super) fn nearest(&self, ray: &SceneRay, waiting: &mut Waiting) -> Option<Hit> {
-        match self.segments.scene.shape {
-            Shape::Tube => self.tree.nearest(ray, &Capsules, waiting),
-            Shape::Ribbon => self.tree.nearest(ray, &self.strips(ray), waiting),
-        }
+        self.segments.nearest_in(&self.tree, ray, waiting)
     }
 
     /// The first point of any segment that blocks the ray within its reach. Segment `own`, where
@@ -53,19 +50,40 @@ impl<'a> SegmentBvh<'a> {
     /// Segments of one bend overlap at their joints. The smooth curve that they approximate has no
     /// edge there that could cast a shadow.
     pub(super) fn occluder(&self, ray: &SceneRay, own: u32, waiting: &mut Waiting) -> Option<u32> {
-        match self.segments.scene.shape {
-            Shape::Tube => self.tree.occluder(ray, own, &Capsules, waiting),
-            Shape::Ribbon => self.tree.occluder(ray, own, &self.strips(ray), waiting),
-        }
-    }
-
-    fn strips<'r>(&'r self, ray: &'r SceneRay) -> Strips<'r> {
-        Strips { segments: &self.segments, ray, across: Across::new(ray.direction) }
+        self.segments.occluder_in(&self.tree, ray, own, waiting)
     }
 
     /// Where a ray crosses a strip: u and v. `None` where it misses.
     pub(super) fn place_on_strip(&self, start: u32, ray: &SceneRay) -> Option<[f32; 2]> {
         self.tree.instructions().run(OneStrip { edges: &self.segments.edges, start, ray })
+    }
+}
+
+impl Segments<'_> {
+    /// The nearest of those segments that a tree holds.
+    fn nearest_in(&self, tree: &Tree, ray: &SceneRay, waiting: &mut Waiting) -> Option<Hit> {
+        match self.scene.shape {
+            Shape::Tube => tree.nearest(ray, &Capsules, waiting),
+            Shape::Ribbon => tree.nearest(ray, &self.strips(ray), waiting),
+        }
+    }
+
+    /// Any of them that blocks the ray, as of [`SegmentBvh::occluder`].
+    fn occluder_in(
+        &self,
+        tree: &Tree,
+        ray: &SceneRay,
+        own: u32,
+        waiting: &mut Waiting,
+    ) -> Option<u32> {
+        match self.scene.shape {
+            Shape::Tube => tree.occluder(ray, own, &Capsules, waiting),
+            Shape::Ribbon => tree.occluder(ray, own, &self.strips(ray), waiting),
+        }
+    }
+
+    fn strips<'r>(&'r self, ray: &'r SceneRay) -> Strips<'r> {
+        Strips { segments: self, ray, across: Across::new(ray.direction) }
     }
 }
 
@@ -224,8 +242,8 @@ mod tests {
     use glam::Vec3;
     use proptest::prelude::*;
 
-    fn scene(strands: &[Vec<Vec3>]) -> Scene {
-        let mut scene = Scene::default();
+    fn scene(shape: Shape, strands: &[Vec<Vec3>]) -> Scene {
+        let mut scene = Scene { shape, ..Scene::default() };
         scene.looks.push(YarnLook::plain(Vec3::ONE, 0.5, 0.1));
         strands.iter().for_each(|points| scene.push_strand(points.iter().copied(), 0));
         scene
@@ -246,10 +264,10 @@ mod tests {
     }
 
     /// The nearest hit, from all leaves in turn.
-    fn by_all(trees: &[Tree], ray: &SceneRay) -> Option<Hit> {
+    fn by_all(segments: &Segments<'_>, trees: &[Tree], ray: &SceneRay) -> Option<Hit> {
         trees
             .iter()
-            .filter_map(|tree| tree.nearest(ray, &Capsules, &mut Waiting::new()))
+            .filter_map(|tree| segments.nearest_in(tree, ray, &mut Waiting::new()))
             .min_by(|a, b| a.distance.total_cmp(&b.distance).then(a.start.cmp(&b.start)))
     }
 
@@ -269,8 +287,9 @@ mod tests {
         fn the_tree_finds_what_all_leaves_in_turn_do(
             strands in prop::collection::vec(prop::collection::vec(point(), 1..30), 1..12),
             rays in prop::collection::vec((point(), point(), prop_oneof![Just(f32::INFINITY), 0.1..4.0_f32]), 40),
+            shape in prop_oneof![Just(Shape::Tube), Just(Shape::Ribbon)],
         ) {
-            let scene = scene(&strands);
+            let scene = scene(shape, &strands);
             let bvh = bvh(&scene);
             let trees: Vec<Tree> =
                 cuts(&bvh.segments.paths.points).iter().map(|cut| alone(&bvh, cut)).collect();
@@ -279,13 +298,13 @@ mod tests {
                 let direction = (aim - origin).normalize_or(Vec3::Z);
                 let ray = SceneRay { origin, direction, reach, footprint: 0.01, random_bits: 0 };
                 let hit = bvh.nearest(&ray, &mut waiting);
-                prop_assert_eq!(hit, by_all(&trees, &ray));
+                prop_assert_eq!(hit, by_all(&bvh.segments, &trees, &ray));
                 let unowned = bvh.occluder(&ray, u32::MAX / 2, &mut waiting);
                 prop_assert_eq!(hit.is_some(), unowned.is_some());
                 for own in [0, 3] {
                     let occluder = bvh.occluder(&ray, own, &mut waiting);
                     let blocks = |tree: &Tree| {
-                        tree.occluder(&ray, own, &Capsules, &mut Waiting::new()).is_some()
+                        bvh.segments.occluder_in(tree, &ray, own, &mut Waiting::new()).is_some()
                     };
                     prop_assert_eq!(occluder.is_some(), trees.iter().any(blocks));
                     prop_assert!(occluder.is_none_or(|start| start.abs_diff(own) > 1));

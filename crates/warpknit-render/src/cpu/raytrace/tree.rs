@@ -7,8 +7,9 @@
 //! ray traversal using 8-wide AVX instructions'). A shadow ray ends at the first segment that it
 //! meets.
 //!
-//! Memory: 20 bytes a segment in full leaves, and 224 a node of up to eight leaves or nodes. The result does not depend on
-//! the number of threads, nor on the processor's instructions.
+//! Memory: 20 bytes a segment in full leaves, 224 a node of up to eight leaves or nodes, and for
+//! ribbons 24 bytes a point. The result does not depend on the number of threads, nor on the
+//! processor's instructions.
 
 use rayon::prelude::*;
 
