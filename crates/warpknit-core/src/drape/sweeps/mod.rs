@@ -57,7 +57,7 @@ const TIGHT: f64 = 0.99;
 const LATE_MARGIN: f64 = 0.03;
 /// What the further sweeps leave of the stiffness of lengths: most of these pairs lie in creases,
 /// where lengths and contacts can't both be kept.
-const LATE_LENGTHS: f64 = 0.5;
+const LATE_LENGTHS: f64 = 0.2;
 /// One in so many spans must be tight for the further sweeps to end early, and fewer than one in so
 /// many of these may have come free between two looks. A folded collar, where they still help, has a
 /// tenth of its spans tight, of which a fifth come free.
@@ -78,9 +78,8 @@ const LENGTH_STIFFNESS: f64 = 0.6;
 /// Wrong lengths that are left: less is not seen.
 const LENGTH_TOLERANCE: f64 = 0.002;
 /// Lengths that are wrong by more are those of creases in the mesh. Moving their points would not
-/// mend them. Without a table yarns begin farther from their lengths.
-const LENGTH_LIMIT: f64 = 0.3;
-const LONE_LENGTH_LIMIT: f64 = 0.5;
+/// mend them.
+const LENGTH_LIMIT: f64 = 0.7;
 /// Parts into which a span is divided to find where it is nearest to another.
 const PARTS: usize = 3;
 /// Limit of the move of a point in one sweep, radii.
@@ -480,11 +479,10 @@ impl<'a> SweptPanel<'a> {
     /// By how much a span is too long, as a share of its length. Nothing off the panel, and where no
     /// move would mend it.
     fn wrong_length(&self, yarn: &PanelYarn, own: &[DVec3], span: usize) -> Option<f64> {
-        let limit = if self.repeat.is_flat_only { LONE_LENGTH_LIMIT } else { LENGTH_LIMIT };
         let control = control_points(own, span)?;
         let wrong =
             curve::span(&control, 1).length() / self.lengths[yarn.places.start + span] - 1.0;
-        (wrong.abs() < limit).then_some(wrong)
+        (wrong.abs() < LENGTH_LIMIT).then_some(wrong)
     }
 
     /// The data point of the repeat of which a yarn's point is a copy, and its cell along the yarn.

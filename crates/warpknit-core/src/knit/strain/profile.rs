@@ -12,6 +12,8 @@
 //! Cost: rows times the square of their length, about a nanosecond for four products. Not promised: short rows in
 //! cloth whose repeat is wide and long.
 
+use std::rc::Rc;
+
 use glam::DVec3;
 use wide::f64x2;
 
@@ -23,62 +25,83 @@ const LANES: usize = 8;
 /// compiler groups other sums and shuffles them.
 const PAIR: usize = 2;
 
-/// The matrix and the right side of normal equations.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Profile {
+/// Where the entries of a matrix stand.
+#[derive(Debug, Default)]
+pub(super) struct Layout {
     /// First row of each point.
     rows: Vec<u32>,
     /// The point whose rows stand at each place: the inverse of `rows`.
     order: Vec<u32>,
     /// First column of each row.
     first: Vec<u32>,
-    /// Place in `values` at which column 0 of each row would stand.
+    /// Place in the entries at which column 0 of each row would stand.
     origin: Vec<isize>,
-    values: Vec<f64>,
+    /// Number of entries.
+    len: usize,
 }
 
-impl Profile {
-    /// An empty matrix for points with these neighbours, in both directions.
+impl Layout {
+    /// For points with these neighbours, in both directions.
     pub(super) fn new(neighbours: &[Vec<u32>]) -> Self {
         let order = reverse_cuthill_mckee(neighbours);
         let mut rows = vec![0; order.len()];
         for (place, &point) in (0u32..).zip(&order) {
             rows[point as usize] = 3 * place;
         }
-        let mut profile = Self { rows, order, ..Self::default() };
-        let mut length = 0;
-        for (place, &point) in (0u32..).zip(&profile.order) {
+        let mut layout = Self { rows, order, ..Self::default() };
+        let mut len = 0;
+        for (place, &point) in (0u32..).zip(&layout.order) {
             let nearest =
-                neighbours[point as usize].iter().map(|&other| profile.rows[other as usize]);
+                neighbours[point as usize].iter().map(|&other| layout.rows[other as usize]);
             let first = nearest.min().unwrap_or(3 * place).min(3 * place);
             for row in 3 * place..3 * place + 3 {
-                profile.first.push(first);
-                profile.origin.push(length - first as isize);
-                length += (row - first + 1) as isize;
+                layout.first.push(first);
+                layout.origin.push(len - first as isize);
+                len += (row - first + 1) as isize;
             }
         }
-        profile.values = vec![0.0; length.unsigned_abs()];
-        profile
+        layout.len = len.unsigned_abs();
+        layout
     }
 
-    /// Sets all entries to 0.
-    pub(super) fn clear(&mut self) {
-        self.values.fill(0.0);
+    /// Number of points.
+    pub(super) fn points(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn at(&self, row: usize, column: usize) -> usize {
+        place(self.origin[row], column)
+    }
+}
+
+/// The matrix of normal equations.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Profile {
+    layout: Rc<Layout>,
+    values: Vec<f64>,
+}
+
+impl Profile {
+    /// Makes it an empty matrix of this layout.
+    pub(super) fn reset(&mut self, layout: &Rc<Layout>) {
+        self.layout = Rc::clone(layout);
+        self.values.clear();
+        self.values.resize(layout.len, 0.0);
     }
 
     /// Adds the products of a residual's gradient with itself: `entries` are points and derivatives
     /// by their places.
     pub(super) fn add_product(&mut self, entries: &[(u32, DVec3)]) {
         for &(one, a) in entries {
-            let row = self.rows[one as usize] as usize;
+            let row = self.layout.rows[one as usize] as usize;
             // Each row of a point is longer by one than the row before it.
-            let length = row - self.first[row] as usize + 1;
+            let length = row - self.layout.first[row] as usize + 1;
             for &(other, b) in entries {
-                let column = self.rows[other as usize] as usize;
+                let column = self.layout.rows[other as usize] as usize;
                 if column > row {
                     continue;
                 }
-                let at = self.at(row, column);
+                let at = self.layout.at(row, column);
                 let block = &mut self.values[at..];
                 let b = b.to_array();
                 for (i, (a, start)) in
@@ -96,20 +119,23 @@ impl Profile {
 
     /// Scales the diagonal and adds a constant to it.
     pub(super) fn damp(&mut self, factor: f64, constant: f64) {
-        for row in 0..self.first.len() {
-            let at = self.at(row, row);
+        for row in 0..self.layout.first.len() {
+            let at = self.layout.at(row, row);
             self.values[at] = self.values[at] * factor + constant;
         }
     }
 
     /// The largest entry of the diagonal.
     pub(super) fn largest(&self) -> f64 {
-        (0..self.first.len()).map(|row| self.values[self.at(row, row)]).fold(0.0, f64::max)
+        (0..self.layout.first.len())
+            .map(|row| self.values[self.layout.at(row, row)])
+            .fold(0.0, f64::max)
     }
 
-    /// Copies the entries of a matrix of the same profile.
+    /// Becomes a copy of another matrix, in place.
     pub(super) fn copy_from(&mut self, other: &Self) {
-        self.clone_from(other);
+        self.layout = Rc::clone(&other.layout);
+        self.values.clone_from(&other.values);
     }
 
     /// Replaces the matrix by its Cholesky factor. False where it is not positive definite.
@@ -117,16 +143,16 @@ impl Profile {
     /// The three rows of a point begin in the same column, so they are taken together: nine products of rows then
     /// read six rows, where one at a time reads eighteen.
     pub(super) fn factor(&mut self) -> bool {
-        for row in (0..self.first.len()).step_by(3) {
-            let start = self.first[row] as usize;
-            let (above, own) = self.values.split_at_mut(place(self.origin[row], start));
+        for row in (0..self.layout.first.len()).step_by(3) {
+            let start = self.layout.first[row] as usize;
+            let (above, own) = self.values.split_at_mut(place(self.layout.origin[row], start));
             let (own, width) = (&mut own[..3 * (row - start) + 6], row - start);
             let (one, rest) = own.split_at_mut(width + 1);
             let (two, three) = rest.split_at_mut(width + 2);
             for column in (start..row).step_by(3) {
-                let shared = start.max(self.first[column] as usize);
+                let shared = start.max(self.layout.first[column] as usize);
                 let others = [0, 1, 2].map(|line| {
-                    let at = place(self.origin[column + line], shared);
+                    let at = place(self.layout.origin[column + line], shared);
                     &above[at..=at + column + line - shared]
                 });
                 let (from, to) = (shared - start, column - start);
@@ -149,26 +175,27 @@ impl Profile {
     /// Solves for a right side by point, after [`Self::factor`].
     pub(super) fn solve(&self, right: &[DVec3]) -> Vec<DVec3> {
         let mut x: Vec<f64> =
-            self.order.iter().flat_map(|&point| right[point as usize].to_array()).collect();
+            self.layout.order.iter().flat_map(|&point| right[point as usize].to_array()).collect();
         for row in 0..x.len() {
-            let start = self.first[row] as usize;
-            let factors = &self.values[self.at(row, start)..self.at(row, row)];
-            x[row] = (x[row] - dot(factors, &x[start..row])) / self.values[self.at(row, row)];
+            let start = self.layout.first[row] as usize;
+            let factors = &self.values[self.layout.at(row, start)..self.layout.at(row, row)];
+            x[row] =
+                (x[row] - dot(factors, &x[start..row])) / self.values[self.layout.at(row, row)];
         }
         for row in (0..x.len()).rev() {
-            let start = self.first[row] as usize;
-            x[row] /= self.values[self.at(row, row)];
+            let start = self.layout.first[row] as usize;
+            x[row] /= self.values[self.layout.at(row, row)];
             let (above, own) = x.split_at_mut(row);
-            let factors = &self.values[self.at(row, start)..self.at(row, row)];
+            let factors = &self.values[self.layout.at(row, start)..self.layout.at(row, row)];
             for (value, factor) in above[start..].iter_mut().zip(factors) {
                 *value -= factor * own[0];
             }
         }
-        self.rows.iter().map(|&row| DVec3::from_slice(&x[row as usize..row as usize + 3])).collect()
-    }
-
-    fn at(&self, row: usize, column: usize) -> usize {
-        place(self.origin[row], column)
+        self.layout
+            .rows
+            .iter()
+            .map(|&row| DVec3::from_slice(&x[row as usize..row as usize + 3]))
+            .collect()
     }
 }
 
@@ -292,7 +319,8 @@ mod tests {
             neighbours[one as usize].push(other);
             neighbours[other as usize].push(one);
         }
-        let mut matrix = Profile::new(&neighbours);
+        let mut matrix = Profile::default();
+        matrix.reset(&Rc::new(Layout::new(&neighbours)));
         let gradients: Vec<_> = (0u32..)
             .zip(pairs)
             .map(|(at, &(one, other))| {
@@ -337,7 +365,8 @@ mod tests {
 
     #[test]
     fn a_matrix_that_is_not_positive_is_refused() {
-        let mut matrix = Profile::new(&[Vec::new()]);
+        let mut matrix = Profile::default();
+        matrix.reset(&Rc::new(Layout::new(&[Vec::new()])));
         matrix.add_product(&[(0, DVec3::X)]);
         assert!(!matrix.factor());
     }

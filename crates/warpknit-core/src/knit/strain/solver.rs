@@ -4,20 +4,23 @@
 //! the data points of the strained repeat ([`State`]).
 //!
 //! Method: nonlinear least squares by Levenberg and Marquardt (Marquardt 1963, "An algorithm for
-//! least-squares estimation of nonlinear parameters"). Residuals are the length of each span, its
+//! least-squares estimation of nonlinear parameters"), with damping after Nielsen (1999, "Damping
+//! parameter in Marquardt's method"). Residuals are the length of each span, its
 //! two chords (the yarn's bending), the distance of yarns that come nearer than touching, and a weak
 //! pull towards the flat shape moved with the cloth. The repeat is a periodic cell that takes the
 //! strain as a whole. Moves are limited to a part of a radius, and steps that bring yarns much
 //! nearer than touching are refused, so yarns never pass through each other.
 //!
-//! Cost: ten to forty iterations of about half a millisecond for two bars. Not promised: the
-//! smallest of all minima; the state is the one reached from the given start.
+//! Cost: some fifty iterations of a third of a millisecond for two bars. Not promised: the smallest of
+//! all minima; the state is the one reached from the given start.
+
+use std::rc::Rc;
 
 use glam::{DMat2, DVec3, Vec3Swizzles};
 
 use super::Strain;
-use super::contacts::Pair;
-use super::profile::Profile;
+use super::contacts::NeighbourList;
+use super::profile::{Layout, Profile};
 use super::rest::{Rest, RestSpan};
 use crate::knit::chain::blend;
 use crate::yarn::curve;
@@ -47,6 +50,7 @@ const MAX_REFINEMENTS: usize = 100;
 const STRAIN_STEP: f64 = 0.05;
 /// The damping starts here, falls with each step that is taken and rises with each that is refused.
 const DAMPING: f64 = 1e-3;
+const MIN_DAMPING: f64 = 1e-7;
 const MAX_DAMPING: f64 = 1e6;
 
 /// Shorter lengths have no direction, mm.
@@ -79,23 +83,82 @@ pub(super) struct StrainSolver<'a> {
     /// Yarn length from the start of the repeat to each sample, and of each yarn.
     pub(super) along: Vec<f64>,
     pub(super) lengths: Vec<f64>,
-    /// The neighbour list, and the points when it was built.
-    pub(super) pairs: Vec<Pair>,
-    pub(super) list_points: Vec<DVec3>,
-    matrix: Profile,
+    /// Segments that may touch, and the wider list from which they are taken.
+    pub(super) near: NeighbourList,
+    pub(super) wide: NeighbourList,
+    /// Where entries of the matrix stand, for points that share residuals with this list.
+    layout: Rc<Layout>,
+    /// Normal equations at the present places, and their factors.
+    normal: Normal,
+    /// Normal equations at the place of the last step that was taken, and their factors.
+    taken: Normal,
     factors: Profile,
+}
+
+/// Normal equations: the matrix, and the gradient by points.
+#[derive(Debug, Default)]
+struct Normal {
+    matrix: Profile,
     gradient: Vec<DVec3>,
+}
+
+impl Normal {
+    /// Sets all to 0, for a matrix of this layout.
+    fn reset(&mut self, layout: &Rc<Layout>) {
+        self.matrix.reset(layout);
+        self.gradient.clear();
+        self.gradient.resize(layout.points(), DVec3::ZERO);
+    }
+
+    /// Adds a residual with its gradient by points.
+    fn add(&mut self, residual: f64, entries: &[(u32, DVec3)]) {
+        for &(point, derivative) in entries {
+            self.gradient[point as usize] += derivative * residual;
+        }
+        self.matrix.add_product(entries);
+    }
+}
+
+/// The damping of Levenberg and Marquardt. It follows the share of the expected gain that a step
+/// brings (Nielsen 1999).
+#[derive(Clone, Copy, Debug)]
+struct Damping {
+    /// By how much the diagonal of the matrix grows, as a share of it.
+    factor: f64,
+    /// By how much the next refused step raises it.
+    rise: f64,
+}
+
+impl Default for Damping {
+    fn default() -> Self {
+        Self { factor: DAMPING, rise: 2.0 }
+    }
+}
+
+impl Damping {
+    /// After a step that brought this share of the gain that was expected.
+    fn fall(&mut self, gained: f64) {
+        let change = 1.0 - (2.0 * gained - 1.0).powi(3);
+        self.factor = (self.factor * change.clamp(1.0 / 3.0, 2.0)).max(MIN_DAMPING);
+        self.rise = 2.0;
+    }
+
+    /// After a step that was refused.
+    fn rise(&mut self) {
+        self.factor *= self.rise;
+        self.rise *= 2.0;
+    }
 }
 
 /// The sum of squared residuals, and the least distance of two yarns over touching.
 #[derive(Clone, Copy, Debug)]
-struct Energy {
+pub(super) struct Energy {
     sum: f64,
     nearest: f64,
 }
 
 impl<'a> StrainSolver<'a> {
-    fn new(rest: &'a Rest) -> Self {
+    pub(super) fn new(rest: &'a Rest) -> Self {
         let zero = vec![DVec3::ZERO; rest.samples];
         Self {
             rest,
@@ -105,11 +168,12 @@ impl<'a> StrainSolver<'a> {
             weights: vec![[0.0; 4]; rest.samples],
             along: vec![0.0; rest.samples],
             lengths: vec![0.0; rest.yarns.len()],
-            pairs: Vec::new(),
-            list_points: Vec::new(),
-            matrix: Profile::default(),
+            near: NeighbourList::default(),
+            wide: NeighbourList::default(),
+            layout: Rc::default(),
+            normal: Normal::default(),
+            taken: Normal::default(),
             factors: Profile::default(),
-            gradient: vec![DVec3::ZERO; rest.points.len()],
         }
     }
 
@@ -150,15 +214,13 @@ impl<'a> StrainSolver<'a> {
     }
 
     /// The energy at the present places, without or with its gradient and matrix.
-    fn evaluate(&mut self, with_matrix: bool) -> Energy {
+    pub(super) fn evaluate(&mut self, with_matrix: bool) -> Energy {
         self.sample();
-        if self.list_is_stale() {
-            self.build_list();
-            self.matrix = Profile::new(&self.neighbours());
+        if self.update_list() {
+            self.layout = Rc::new(Layout::new(&self.neighbours()));
         }
         if with_matrix {
-            self.matrix.clear();
-            self.gradient.fill(DVec3::ZERO);
+            self.normal.reset(&self.layout);
         }
         let mut sum = 0.0;
         for span in &self.rest.spans {
@@ -167,14 +229,6 @@ impl<'a> StrainSolver<'a> {
         let (contacts, nearest) = self.add_contacts(with_matrix);
         sum += contacts + self.add_pull(with_matrix);
         Energy { sum, nearest }
-    }
-
-    /// Adds a residual with its gradient by points. Returns its square.
-    fn add(&mut self, residual: f64, entries: &[(u32, DVec3)]) {
-        for &(point, derivative) in entries {
-            self.gradient[point as usize] += derivative * residual;
-        }
-        self.matrix.add_product(entries);
     }
 
     /// A yarn keeps the length of each span.
@@ -192,7 +246,7 @@ impl<'a> StrainSolver<'a> {
                 }
             }
             let entries: [_; 4] = std::array::from_fn(|k| (span.control.points[k], derivatives[k]));
-            self.add(residual, &entries);
+            self.normal.add(residual, &entries);
         }
         residual * residual
     }
@@ -211,13 +265,9 @@ impl<'a> StrainSolver<'a> {
             sum += residual * residual;
             if with_matrix {
                 let derivative = across * (weight / length);
-                self.add(
-                    residual,
-                    &[
-                        (span.control.points[far], derivative),
-                        (span.control.points[0], -derivative),
-                    ],
-                );
+                let ends = [span.control.points[far], span.control.points[0]];
+                let entries = [(ends[0], derivative), (ends[1], -derivative)];
+                self.normal.add(residual, &entries);
             }
         }
         sum
@@ -226,14 +276,11 @@ impl<'a> StrainSolver<'a> {
     /// Yarns keep apart. Returns also the least distance over touching.
     fn add_contacts(&mut self, with_matrix: bool) -> (f64, f64) {
         let (mut sum, mut nearest) = (0.0, f64::INFINITY);
-        for at in 0..self.pairs.len() {
-            let pair = self.pairs[at];
+        for at in 0..self.near.pairs.len() {
+            let pair = self.near.pairs[at];
             let Some(contact) = self.contact(&pair, self.rest.target) else { continue };
             nearest = nearest.min(contact.ratio);
             let residual = CONTACT * (self.rest.target - contact.ratio);
-            if residual <= 0.0 {
-                continue;
-            }
             sum += residual * residual;
             if with_matrix {
                 let [one, other] = pair.spans(self.rest);
@@ -245,7 +292,7 @@ impl<'a> StrainSolver<'a> {
                         (other.control.points[k - 4], apart * contact.weights[1][k - 4])
                     }
                 });
-                self.add(residual, &entries);
+                self.normal.add(residual, &entries);
             }
         }
         (sum, nearest)
@@ -259,11 +306,11 @@ impl<'a> StrainSolver<'a> {
             let apart = weight * (self.points[at] - self.strained(flat));
             sum += apart.length_squared();
             if with_matrix {
-                self.gradient[at] += weight * apart;
+                self.normal.gradient[at] += weight * apart;
             }
         }
         if with_matrix {
-            self.matrix.damp(1.0, weight * weight);
+            self.normal.matrix.damp(1.0, weight * weight);
         }
         sum
     }
@@ -271,19 +318,20 @@ impl<'a> StrainSolver<'a> {
     /// Iterates at one strain, at most `limit` times. Returns the energy.
     fn minimise(&mut self, limit: usize) -> f64 {
         let radius = self.rest.thinnest;
-        let mut damping = DAMPING;
+        let mut damping = Damping::default();
         let mut energy = self.evaluate(true);
+        std::mem::swap(&mut self.taken, &mut self.normal);
         for _ in 0..limit {
-            if damping > MAX_DAMPING {
+            if damping.factor > MAX_DAMPING {
                 break;
             }
-            self.factors.copy_from(&self.matrix);
-            self.factors.damp(1.0 + damping, 1e-9 * self.matrix.largest());
+            self.factors.copy_from(&self.taken.matrix);
+            self.factors.damp(1.0 + damping.factor, 1e-9 * self.taken.matrix.largest());
             if !self.factors.factor() {
-                damping *= 10.0;
+                damping.rise();
                 continue;
             }
-            let moves = self.factors.solve(&self.gradient);
+            let moves = self.factors.solve(&self.taken.gradient);
             let longest = moves.iter().map(|step| step.length()).fold(0.0, f64::max);
             let share = (MAX_MOVE * radius / longest.max(1e-300)).min(1.0);
             let before = self.points.clone();
@@ -293,33 +341,33 @@ impl<'a> StrainSolver<'a> {
             // Nearly all steps are taken, so the matrix is wanted.
             let next = self.evaluate(true);
             let passes = next.nearest < MIN_RATIO && next.nearest < energy.nearest;
-            if next.sum <= energy.sum && !passes {
-                let gain = (energy.sum - next.sum) / energy.sum.max(1e-12);
-                damping = (0.3 * damping).max(1e-7);
-                let is_done = gain < ENERGY_TOLERANCE && share * longest < MOVE_TOLERANCE * radius;
-                energy = next;
-                if is_done || energy.sum < 1e-9 {
-                    break;
-                }
-            } else {
+            if next.sum > energy.sum || passes {
                 self.points = before;
-                damping *= 4.0;
-                // The list may have been built at the refused place, so the matrix follows it.
-                self.evaluate(true);
+                damping.rise();
+                continue;
+            }
+            let slope: f64 =
+                moves.iter().zip(&self.taken.gradient).map(|(step, way)| step.dot(*way)).sum();
+            damping.fall((energy.sum - next.sum) / (share * (2.0 - share) * slope).max(1e-300));
+            let gain = (energy.sum - next.sum) / energy.sum.max(1e-12);
+            let is_done = gain < ENERGY_TOLERANCE && share * longest < MOVE_TOLERANCE * radius;
+            energy = next;
+            std::mem::swap(&mut self.taken, &mut self.normal);
+            if is_done || energy.sum < 1e-9 {
+                break;
             }
         }
         energy.sum
     }
 
     /// Sets the strain, and moves the points with the cloth.
-    fn set_strain(&mut self, strain: Strain) {
+    pub(super) fn set_strain(&mut self, strain: Strain) {
         let map = strain.map();
         let change = map * self.strain.inverse();
         for point in &mut self.points {
             *point = (change * point.xy()).extend(point.z);
         }
         self.strain = map;
-        self.list_points.clear();
     }
 
     /// The points in the axes of the flat cloth.
@@ -334,7 +382,7 @@ pub(super) fn measure_rest(rest: &mut Rest) {
     let mut solver = StrainSolver::new(rest);
     solver.evaluate(false);
     let lengths: Vec<_> = rest.spans.iter().map(|span| solver.length(span)).collect();
-    let ratios = solver.pairs.iter().filter_map(|pair| solver.contact(pair, f64::INFINITY));
+    let ratios = solver.near.pairs.iter().filter_map(|pair| solver.contact(pair, f64::INFINITY));
     let nearest = ratios.map(|contact| contact.ratio).fold(f64::INFINITY, f64::min);
     for (span, length) in rest.spans.iter_mut().zip(lengths) {
         span.length = length;
@@ -380,14 +428,13 @@ pub(super) fn solve(rest: &Rest, from: &State, strain: Strain) -> State {
         reason = "strains are limited by the grid"
     )]
     let steps = (from.strain.distance(strain) / STRAIN_STEP - 1e-9).ceil().max(1.0) as u32;
-    let mut energy = 0.0;
     solver.set_strain(from.strain);
     for step in 1..=steps {
         let share = f64::from(step) / f64::from(steps);
         solver.set_strain(from.strain.towards(strain, share));
-        energy = solver.minimise(ITERATIONS[usize::from(step == steps)]);
+        solver.minimise(ITERATIONS[usize::from(step == steps)]);
     }
-    solver.state(strain, energy)
+    solver.state(strain)
 }
 
 /// Iterates on until the energy no longer falls: for what depends on the energy itself.
@@ -402,19 +449,14 @@ pub(super) fn refine(rest: &Rest, state: State) -> State {
             break;
         }
     }
-    solver.state(state.strain, energy)
+    solver.state(state.strain)
 }
 
 impl StrainSolver<'_> {
     /// The present state.
-    fn state(&self, strain: Strain, energy: f64) -> State {
-        State {
-            strain,
-            points: self.flat_points(),
-            energy,
-            stretch: self.stretch(),
-            nearest: self.nearest(),
-        }
+    fn state(&mut self, strain: Strain) -> State {
+        let Energy { sum: energy, nearest } = self.evaluate(false);
+        State { strain, points: self.flat_points(), energy, stretch: self.stretch(), nearest }
     }
 
     /// The largest change of a yarn's length, as a share of it. Elastic yarns don't count.
@@ -426,11 +468,5 @@ impl StrainSolver<'_> {
         let yarns = self.rest.yarns.iter().zip(self.lengths.iter().zip(&rest));
         let rigid = yarns.filter(|(yarn, _)| !yarn.is_elastic);
         rigid.map(|(_, (length, rest))| (length / rest - 1.0).abs()).fold(0.0, f64::max)
-    }
-
-    /// The least distance of two yarns over touching.
-    fn nearest(&self) -> f64 {
-        let all = self.pairs.iter().filter_map(|pair| self.contact(pair, f64::INFINITY));
-        all.map(|contact| contact.ratio).fold(f64::INFINITY, f64::min)
     }
 }
