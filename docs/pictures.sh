@@ -29,10 +29,11 @@ for mapping in smooth relaxed; do
     knit drape "$made/flat.obj" "$made/pulled.obj" --unit mm --fabric jersey --wales-per-cm 1 --mapping "$mapping" --regular --background white --size 560x460 --zoom 2 --spp 16 -o "docs/pulled_$mapping.png"
 done
 
-# A sock's heel and instep.
+# A sock's heel and instep, and a dress's bust.
 for mapping in smooth relaxed; do
     [ -n "${WARPKNIT_GARMENTS:-}" ] || break
     knit drape "$WARPKNIT_GARMENTS/madypg_sock/cloth.obj" --fabric jersey --wales-per-cm 3 --mapping "$mapping" --regular --background white --eye=-100,-90,300 --look-at=-105,-92,20 --fov 8 --size 420x345 --spp 16 --loupe off -o "docs/heel_$mapping.png"
+    knit drape "$WARPKNIT_GARMENTS/da_dress/ours.obj" --fabric jersey --wales-per-cm 2.5 --mapping "$mapping" --regular --background white --eye=-69,1188,700 --look-at=-69,1188,60 --fov 3.6 --size 420x345 --spp 16 --loupe off -o "docs/bust_$mapping.png"
 done
 knit bench --only yarn-length -o docs/yarn_length.svg
 knit bench --only reading -o docs/reading.svg
