@@ -99,14 +99,14 @@ impl Mips {
 
     /// Bilinear interpolation between four texels of a level.
     fn bilinear(&self, level: usize, at: TexCoord, kind: MapKind) -> Vec4 {
-        let Cell { texels, x, y } = self.cell(level, at);
+        let Texels { texels, x, y } = self.cell(level, at);
         let [a, b, c, d] = texels.map(|texel| decode(*texel, kind));
         a.lerp(b, x).lerp(c.lerp(d, x), y)
     }
 
     /// The four texels of a level around a place. Columns wrap around along the yarn. Rows wrap around
     /// a tube and are clamped at a ribbon's edges.
-    fn cell(&self, level: usize, at: TexCoord) -> Cell<'_> {
+    fn cell(&self, level: usize, at: TexCoord) -> Texels<'_> {
         let picture = &self.levels[level];
         let (width, height) = picture.dimensions();
         let (left, x) = before(at.v - floor(at.v), width);
@@ -118,12 +118,12 @@ impl Mips {
         });
         let texels =
             [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| picture.get_pixel(columns[i], rows[j]));
-        Cell { texels, x, y }
+        Texels { texels, x, y }
     }
 }
 
 /// Four texels around a place, and the place between them.
-struct Cell<'a> {
+struct Texels<'a> {
     /// The upper two, then the lower two.
     texels: [&'a Rgba<u8>; 4],
     /// Fractions of the way to the right and down.
@@ -189,7 +189,7 @@ impl Maps {
         let tap = if filter.taps > 1 { truncated(random() * float(filter.taps)) } else { 0 };
         let is_coarse = filter.share > 0.0 && random() < filter.share;
         let level = filter.fine + usize::from(is_coarse);
-        let Cell { texels, x, y } = self.base.cell(level, filter.place([u, v], tap, shape));
+        let Texels { texels, x, y } = self.base.cell(level, filter.place([u, v], tap, shape));
         let (is_right, is_lower) = (random() < x, random() < y);
         let texel = texels[usize::from(is_right) + 2 * usize::from(is_lower)];
         f32::from(texel.0[3]) / 255.0 > random()

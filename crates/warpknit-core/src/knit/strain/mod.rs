@@ -10,7 +10,7 @@
 //! (`profile`). The table interpolates between the solved knots (`table`).
 //!
 //! Source: Sperl, Narain and Wojtan 2021, "Mechanics-aware deformation of yarn pattern geometry".
-//! Nothing here knows of garments. Cost: some ten milliseconds a knot for two bars. Not promised:
+//! Nothing here knows of garments. Cost: some twenty milliseconds a knot for two bars. Not promised:
 //! yarn's friction, or the history of how the cloth was pulled.
 
 mod contacts;

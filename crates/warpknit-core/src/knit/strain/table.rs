@@ -9,7 +9,7 @@
 //! at which it locks on the straight line from the flat state. Source: Sperl, Narain and Wojtan
 //! 2021, "Mechanics-aware deformation of yarn pattern geometry".
 //!
-//! Cost: some ten milliseconds a knot for two bars, 20 ns a lookup. Not promised: that a state is
+//! Cost: some twenty milliseconds a knot for two bars, 20 ns a lookup. Not promised: that a state is
 //! the only one of its strain.
 
 use std::sync::{OnceLock, mpsc};

@@ -32,7 +32,7 @@ pub(super) struct RibbonEdges {
 
 /// Where a ray crosses eight strips. Infinite distances where it doesn't.
 #[derive(Clone, Copy)]
-pub(super) struct Crossings<S> {
+pub(super) struct StripCrossings<S> {
     /// Along the ray, whose direction has unit length.
     pub(super) distance: Lanes<S>,
     pub(super) u: Lanes<S>,
@@ -112,7 +112,7 @@ impl RibbonEdges {
         first: u32,
         ray: &LaneRay<S>,
         Across(across): Across,
-    ) -> Crossings<S> {
+    ) -> StripCrossings<S> {
         let simd = ray.simd;
         let [right, up] = across;
         let across = [Lanes3::all(simd, right.to_array()), Lanes3::all(simd, up.to_array())];
@@ -126,7 +126,7 @@ impl RibbonEdges {
         // crossed. The nearer crossing is visible.
         let is_other = other.distance.less_than(one.distance);
         let whole = Lanes::all(simd, 1.0);
-        Crossings {
+        StripCrossings {
             distance: other.distance.where_set(is_other, one.distance),
             u: (whole - other.shares[0]).where_set(is_other, one.shares[0]),
             v: (whole - other.shares[1]).where_set(is_other, one.shares[1]),
@@ -204,7 +204,8 @@ mod tests {
         fn run<S: Eight>(self, simd: S) -> [[f32; LANES]; 3] {
             let Self(edges, origin, direction) = self;
             let ray = LaneRay::new(simd, origin, direction);
-            let Crossings { distance, u, v } = edges.crossings(0, &ray, Across::new(direction));
+            let StripCrossings { distance, u, v } =
+                edges.crossings(0, &ray, Across::new(direction));
             [distance.array(), u.array(), v.array()]
         }
     }
