@@ -119,11 +119,8 @@ impl StrainSolver<'_> {
 
     /// The middle of each segment, and half its length.
     fn balls(&self) -> Vec<(DVec3, f64)> {
-        let ball = |segment| {
-            let [from, to] = self.ends(segment);
-            (from.midpoint(to), from.distance(to) / 2.0)
-        };
-        self.rest.segments.iter().map(ball).collect()
+        let ends = self.rest.segments.iter().map(|segment| self.ends(segment));
+        ends.map(|[from, to]| (from.midpoint(to), from.distance(to) / 2.0)).collect()
     }
 
     /// Whether the balls around two segments are so near that these may be within a cutoff.

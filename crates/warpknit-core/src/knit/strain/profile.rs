@@ -27,7 +27,7 @@ const PAIR: usize = 2;
 
 /// Where the entries of a matrix stand.
 #[derive(Debug, Default)]
-pub(super) struct Layout {
+pub(super) struct ProfileLayout {
     /// First row of each point.
     rows: Vec<u32>,
     /// The point whose rows stand at each place: the inverse of `rows`.
@@ -40,7 +40,7 @@ pub(super) struct Layout {
     len: usize,
 }
 
-impl Layout {
+impl ProfileLayout {
     /// For points with these neighbours, in both directions.
     pub(super) fn new(neighbours: &[Vec<u32>]) -> Self {
         let order = reverse_cuthill_mckee(neighbours);
@@ -77,13 +77,13 @@ impl Layout {
 /// The matrix of normal equations.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Profile {
-    layout: Rc<Layout>,
+    layout: Rc<ProfileLayout>,
     values: Vec<f64>,
 }
 
 impl Profile {
     /// Makes it an empty matrix of this layout.
-    pub(super) fn reset(&mut self, layout: &Rc<Layout>) {
+    pub(super) fn reset(&mut self, layout: &Rc<ProfileLayout>) {
         self.layout = Rc::clone(layout);
         self.values.clear();
         self.values.resize(layout.len, 0.0);
@@ -320,7 +320,7 @@ mod tests {
             neighbours[other as usize].push(one);
         }
         let mut matrix = Profile::default();
-        matrix.reset(&Rc::new(Layout::new(&neighbours)));
+        matrix.reset(&Rc::new(ProfileLayout::new(&neighbours)));
         let gradients: Vec<_> = (0u32..)
             .zip(pairs)
             .map(|(at, &(one, other))| {
@@ -366,7 +366,7 @@ mod tests {
     #[test]
     fn a_matrix_that_is_not_positive_is_refused() {
         let mut matrix = Profile::default();
-        matrix.reset(&Rc::new(Layout::new(&[Vec::new()])));
+        matrix.reset(&Rc::new(ProfileLayout::new(&[Vec::new()])));
         matrix.add_product(&[(0, DVec3::X)]);
         assert!(!matrix.factor());
     }

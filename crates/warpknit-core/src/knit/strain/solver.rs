@@ -20,7 +20,7 @@ use glam::{DMat2, DVec3, Vec3Swizzles};
 
 use super::Strain;
 use super::contacts::NeighbourList;
-use super::profile::{Layout, Profile};
+use super::profile::{Profile, ProfileLayout};
 use super::rest::{Rest, RestSpan};
 use crate::knit::chain::blend;
 use crate::yarn::curve;
@@ -87,7 +87,7 @@ pub(super) struct StrainSolver<'a> {
     pub(super) near: NeighbourList,
     pub(super) wide: NeighbourList,
     /// Where entries of the matrix stand, for points that share residuals with this list.
-    layout: Rc<Layout>,
+    layout: Rc<ProfileLayout>,
     /// Normal equations that are being filled, and those at the last step that was taken.
     normal: Normal,
     taken: Normal,
@@ -104,7 +104,7 @@ struct Normal {
 
 impl Normal {
     /// Sets all to 0, for a matrix of this layout.
-    fn reset(&mut self, layout: &Rc<Layout>) {
+    fn reset(&mut self, layout: &Rc<ProfileLayout>) {
         self.matrix.reset(layout);
         self.gradient.clear();
         self.gradient.resize(layout.points(), DVec3::ZERO);
@@ -218,7 +218,7 @@ impl<'a> StrainSolver<'a> {
     fn evaluate(&mut self, with_matrix: bool) -> Energy {
         self.sample();
         if self.update_list() {
-            self.layout = Rc::new(Layout::new(&self.neighbours()));
+            self.layout = Rc::new(ProfileLayout::new(&self.neighbours()));
         }
         if with_matrix {
             self.normal.reset(&self.layout);
