@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 
-use super::{PanelYarn, SpanPair, SweptPanel, control_points};
+use super::{MENDABLE, PanelYarn, SpanPair, SweptPanel, control_points};
 use crate::drape::segments::squared_distances;
 use crate::ids::index32;
 use crate::knit::clearance::{MAX_CANDIDATES, SAME_STRAND_RADII};
@@ -31,7 +31,8 @@ const PART_RADII: f64 = 3.0;
 const LANES: usize = 4;
 /// Limit of the parts of a span.
 const MAX_PARTS: u32 = 12;
-/// A span longer than its flat length by this factor is torn: it has no partners.
+/// A span longer than its flat length by this factor, and by more than [`MENDABLE`], is torn: it has no
+/// partners.
 const MAX_STRETCH: f64 = 2.0;
 
 /// Which spans near one are found.
@@ -98,7 +99,8 @@ impl SpanSearch {
             return;
         };
         let (length, radius) = (panel.lengths[yarn.places.start + span], panel.radius(yarn));
-        if control[1].distance(control[2]) > MAX_STRETCH * length {
+        let longest = (MAX_STRETCH * length).max(length + MENDABLE * radius);
+        if control[1].distance(control[2]) > longest {
             return;
         }
         let curve = curve::span(&control, 1);

@@ -56,9 +56,9 @@ pub(super) struct Contact {
 #[derive(Debug, Default)]
 pub(super) struct NeighbourList {
     pub(super) pairs: Vec<Pair>,
-    /// The cloth's map, and the data points in the axes of the flat cloth.
+    /// The cloth's map, and the samples in the axes of the flat cloth.
     strain: DMat2,
-    flat_points: Vec<DVec3>,
+    flat_samples: Vec<DVec3>,
 }
 
 impl StrainSolver<'_> {
@@ -87,34 +87,24 @@ impl StrainSolver<'_> {
 
     /// Whether segments that are not in a list of this cutoff may have come nearer than `reach`.
     /// Both are over touching. Segments come nearer by the moves of both within the cloth, and by
-    /// what its strain takes from their distance. Weights of control points are taken as constant.
+    /// what its strain takes from their distance.
     fn is_stale(&self, list: &NeighbourList, cutoff: f64, reach: f64) -> bool {
-        if list.flat_points.len() != self.points.len() {
+        if list.flat_samples.len() != self.samples.len() {
             return true;
         }
         let change = norm(self.strain * list.strain.inverse() - DMat2::IDENTITY);
-        let spare = (cutoff - reach - cutoff * change) * 2.0 * self.rest.thinnest;
-        let limit = spare / (2.0 * self.largest_share());
-        let mut moves = self
-            .points
-            .iter()
-            .zip(&list.flat_points)
-            .map(|(&point, &flat)| point.distance_squared(self.strained(flat)));
+        let limit = (cutoff - reach - cutoff * change) * self.rest.thinnest;
+        let samples = self.samples.iter().zip(&list.flat_samples);
+        let mut moves =
+            samples.map(|(&sample, &flat)| sample.distance_squared(self.strained(flat)));
         limit <= 0.0 || moves.any(|squared| squared > limit * limit)
-    }
-
-    /// How far a place of a curve moves at most where no data point moves by more than 1: 1.25 for
-    /// even spans, more for uneven ones.
-    fn largest_share(&self) -> f64 {
-        let shares = self.weights.iter().map(|weights| weights.iter().map(|w| w.abs()).sum());
-        shares.fold(1.0, f64::max)
     }
 
     /// Empties a list for the repeat as it is.
     fn begin(&self, list: &mut NeighbourList) {
         list.pairs.clear();
         list.strain = self.strain;
-        list.flat_points = self.flat_points();
+        list.flat_samples = self.flat(&self.samples);
     }
 
     /// The middle of each segment, and half its length.

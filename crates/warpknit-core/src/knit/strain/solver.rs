@@ -372,10 +372,10 @@ impl<'a> StrainSolver<'a> {
         self.strain = map;
     }
 
-    /// The points in the axes of the flat cloth.
-    pub(super) fn flat_points(&self) -> Vec<DVec3> {
+    /// Strained places in the axes of the flat cloth.
+    pub(super) fn flat(&self, places: &[DVec3]) -> Vec<DVec3> {
         let back = self.strain.inverse();
-        self.points.iter().map(|p| (back * p.xy()).extend(p.z)).collect()
+        places.iter().map(|p| (back * p.xy()).extend(p.z)).collect()
     }
 }
 
@@ -458,7 +458,8 @@ impl StrainSolver<'_> {
     /// The present state.
     fn state(&mut self, strain: Strain) -> State {
         let Energy { sum: energy, nearest } = self.evaluate(false);
-        State { strain, points: self.flat_points(), energy, stretch: self.stretch(), nearest }
+        let points = self.flat(&self.points);
+        State { strain, points, energy, stretch: self.stretch(), nearest }
     }
 
     /// The largest change of a yarn's length, as a share of it. Elastic yarns don't count.
