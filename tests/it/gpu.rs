@@ -12,7 +12,8 @@ use warpknit::fabric::Fabric;
 use warpknit::garment::{ReadOptions, read};
 use warpknit::render::cloth;
 use warpknit::render::gpu::Gpu;
-use warpknit::render::maps::{MapKind, Maps, Mips};
+use warpknit::render::maps::Maps;
+use warpknit::render::mips::{MapKind, Mips};
 use warpknit::render::scene::{Scene, Shape, YarnLook};
 use warpknit::render::{Background, Camera, Painter, RenderOptions, RendererChoice, View, render};
 

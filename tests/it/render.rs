@@ -9,7 +9,8 @@ use glam::{DVec3, Vec3};
 use image::{DynamicImage, Rgba, RgbaImage};
 use warpknit::fabric::Fabric;
 use warpknit::render::cloth;
-use warpknit::render::maps::{MapKind, Maps, Mips};
+use warpknit::render::maps::Maps;
+use warpknit::render::mips::{MapKind, Mips};
 use warpknit::render::scene::{Scene, YarnLook};
 use warpknit::render::{Background, Camera, RenderOptions, View, render};
 

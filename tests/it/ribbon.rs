@@ -2,7 +2,8 @@
 
 use glam::{DVec3, Vec3};
 use image::{Rgba, RgbaImage};
-use warpknit::render::maps::{MapKind, Maps, Mips};
+use warpknit::render::maps::Maps;
+use warpknit::render::mips::{MapKind, Mips};
 use warpknit::render::scene::{Scene, Shape, YarnLook};
 use warpknit::render::{Background, Camera, RenderOptions, render};
 

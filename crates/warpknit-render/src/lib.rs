@@ -37,6 +37,7 @@ pub mod gpu;
 pub mod hairs;
 pub mod light;
 pub mod maps;
+pub mod mips;
 pub mod octahedral;
 pub mod painter;
 mod paths;

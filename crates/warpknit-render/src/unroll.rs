@@ -14,7 +14,8 @@ use std::ops::Range;
 use glam::{Vec3, Vec4, Vec4Swizzles};
 use image::{Rgba, RgbaImage};
 
-use super::maps::{MapKind, Maps, Mips};
+use super::maps::Maps;
+use super::mips::{MapKind, Mips};
 use super::tone::byte;
 use crate::shape::Shape;
 

@@ -8,7 +8,8 @@ use image::{Rgba, RgbaImage};
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
 use warpknit::render::cloth::{looks, with_cloth};
-use warpknit::render::maps::{MapKind, Maps, Mips};
+use warpknit::render::maps::Maps;
+use warpknit::render::mips::{MapKind, Mips};
 use warpknit::render::scene::{Scene, Shape};
 
 use super::super::args::{Bench, DEFAULT_FABRIC};

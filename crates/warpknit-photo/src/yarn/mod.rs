@@ -34,7 +34,8 @@ use serde::Deserialize;
 
 pub use error::PhotoError;
 
-use warpknit_render::maps::{MapKind, Maps, Mips};
+use warpknit_render::maps::Maps;
+use warpknit_render::mips::{MapKind, Mips};
 
 /// Fewest and most pixels of a picture each way. Graphics cards take no more.
 const SIDES: (u32, u32) = (4, 16_384);

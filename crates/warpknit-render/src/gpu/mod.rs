@@ -43,7 +43,7 @@ use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 pub use device::Gpu;
 pub(crate) use uploaded::Uploaded;
 
-use super::maps::Mips;
+use super::mips::Mips;
 use super::{Background, Camera, RenderOptions, ply};
 use crate::GpuError;
 use crate::cpu::patches::YarnPatches;

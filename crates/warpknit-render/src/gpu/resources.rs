@@ -10,7 +10,7 @@ use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 
 use super::device::Gpu;
 use crate::GpuError;
-use crate::maps::Mips;
+use crate::mips::Mips;
 use warpknit_core::ids::index32;
 
 /// Alignment of texel rows in buffers, bytes.

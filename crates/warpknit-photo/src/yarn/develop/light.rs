@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use super::cutout::CutOut;
 use crate::plane::{Plane, column_sums, double, float, narrow, side, whole};
-use warpknit_render::maps::LINEAR;
+use warpknit_render::mips::LINEAR;
 use warpknit_render::tone;
 
 /// Largest factor by which light is made stronger or weaker. More would amplify the noise of dark
