@@ -4,7 +4,7 @@
 //! In: two dozen drawn pictures of each cloth, 480 pixels each way. Three of four have distortion,
 //! noise and uneven light, up to the most that a decent photo has. Out: the tables of
 //! docs/capture.md, for layouts, fibres and photos (`-- fibres` prints that one only). Cost:
-//! minutes. A filter that names none of its parts, as of other benches, runs nothing.
+//! minutes. Nothing runs where arguments name none of its parts, since they are for other benches then.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -69,9 +69,10 @@ fn main() {
         ("knits", knits::knits),
     ];
     let names = parts.map(|(part, _)| part);
-    // A filter for other benches names no part of this one.
     let mut filters = std::env::args().skip(1).filter(|word| !word.starts_with('-')).peekable();
-    if filters.peek().is_some() && !filters.any(|word| names.contains(&word.as_str())) {
+    let is_for_others =
+        filters.peek().is_some() && !filters.any(|word| names.contains(&word.as_str()));
+    if is_for_others {
         return;
     }
     for (_, of) in parts.into_iter().filter(|(part, _)| is_wanted(part, &names)) {

@@ -17,6 +17,7 @@ use crate::shape::Shape;
 /// yarn. Footprints that are longer still are blurred across the yarn too. Each lookup costs the
 /// same; hardware commonly allows 16.
 const MAX_TAPS: f32 = 8.0;
+
 /// Textures of one yarn, all of one size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Maps {

@@ -1,10 +1,10 @@
 //! Mip levels of a picture (Williams 1983, 'Pyramidal parametrics').
 //!
-//! In: a picture and what its numbers mean. Out: [`Mips`], each level half as large as the one
+//! In: a picture and what its numbers mean. Out: [`Mips`], each level half as wide and high as the one
 //! before. Means are of areas: of linear light and not of sRGB codes, of colours weighted by alpha,
 //! of normals as vectors. Cost: 1.33 times the picture in memory; rows are worked on in parallel.
 //!
-//! Not promised: a mean over more than one repeat, since textures tile.
+//! Not promised: means across the picture's ends. These must match by themselves.
 
 use std::sync::LazyLock;
 

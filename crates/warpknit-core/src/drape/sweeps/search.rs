@@ -99,10 +99,11 @@ impl SpanSearch {
             return;
         };
         let (length, radius) = (panel.lengths[yarn.places.start + span], panel.radius(yarn));
-        let longest = (MAX_STRETCH * length).max(length + MENDABLE * radius);
-        if control[1].distance(control[2]) > longest {
+        let chord = control[1].distance(control[2]);
+        if chord > (MAX_STRETCH * length).max(length + MENDABLE * radius) {
             return;
         }
+        let length = length.max(chord);
         let curve = curve::span(&control, 1);
         let count = parts(length, radius);
         let share = 1.0 / f64::from(count);

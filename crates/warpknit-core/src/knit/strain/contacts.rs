@@ -87,7 +87,8 @@ impl StrainSolver<'_> {
 
     /// Whether segments that are not in a list of this cutoff may have come nearer than `reach`.
     /// Both are over touching. Segments come nearer by the moves of both within the cloth, and by
-    /// what its strain takes from their distance.
+    /// what its strain takes from their distance. They are straight between samples, so none of
+    /// their places moves farther than these do.
     fn is_stale(&self, list: &NeighbourList, cutoff: f64, reach: f64) -> bool {
         if list.flat_samples.len() != self.samples.len() {
             return true;

@@ -59,6 +59,8 @@ pub(super) struct Rest {
     pub(super) target: f64,
     /// Weight of the pull towards the flat shape.
     pub(super) pull: f64,
+    /// How far points are moved aside before a strain is solved, radii.
+    pub(super) nudge: f64,
     /// How many times as much as usual bends resist.
     pub(super) bending: f64,
 }
@@ -77,6 +79,7 @@ impl Rest {
             thinnest,
             target: 1.0,
             pull,
+            nudge: 0.0,
             bending: 1.0,
         };
         for yarn in 0..rest.yarns.len() {

@@ -16,7 +16,7 @@
 
 use std::rc::Rc;
 
-use glam::{DMat2, DVec3, Vec3Swizzles};
+use glam::{DMat2, DVec2, DVec3, Vec3Swizzles};
 
 use super::Strain;
 use super::contacts::NeighbourList;
@@ -53,6 +53,8 @@ const DAMPING: f64 = 1e-3;
 const MIN_DAMPING: f64 = 1e-7;
 const MAX_DAMPING: f64 = 1e6;
 
+/// Turns by it point all ways, none of them twice: 137.5 degrees.
+const GOLDEN_ANGLE: f64 = 2.4;
 /// Shorter lengths have no direction, mm.
 const MIN_LENGTH: f64 = 1e-12;
 
@@ -362,6 +364,15 @@ impl<'a> StrainSolver<'a> {
         energy.sum
     }
 
+    /// Moves points aside, each its own way, so that a symmetric repeat may leave its symmetry.
+    fn nudge(&mut self) {
+        let far = self.rest.nudge * self.rest.thinnest;
+        for (at, point) in (0..).zip(&mut self.points) {
+            let way = DVec2::from_angle(GOLDEN_ANGLE * f64::from(at));
+            *point += (far * way).extend(0.0);
+        }
+    }
+
     /// Sets the strain, and moves the points with the cloth.
     pub(super) fn set_strain(&mut self, strain: Strain) {
         let map = strain.map();
@@ -431,6 +442,7 @@ pub(super) fn solve(rest: &Rest, from: &State, strain: Strain) -> State {
     )]
     let steps = (from.strain.distance(strain) / STRAIN_STEP - 1e-9).ceil().max(1.0) as u32;
     solver.set_strain(from.strain);
+    solver.nudge();
     for step in 1..=steps {
         let share = f64::from(step) / f64::from(steps);
         solver.set_strain(from.strain.towards(strain, share));
