@@ -22,54 +22,64 @@ use crate::garment::Panel;
 /// The derivative of a map from the flat panel into space: along u, along v.
 pub(crate) type Slope = [DVec3; 2];
 
-/// The slopes of a draped panel and of its normals, by vertex.
+/// The vertices of a draped panel with the slopes there.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SmoothSurface {
-    slopes: Vec<Slope>,
-    /// Slopes of the unit normal: how the surface bends.
-    bends: Vec<Slope>,
+    vertices: Vec<SurfaceVertex>,
+}
+
+/// What the surface is at a vertex. It lies together in memory: triangles ask for all of it, and
+/// for vertices in no order.
+#[derive(Clone, Copy, Debug)]
+struct SurfaceVertex {
+    flat: DVec2,
+    place: DVec3,
+    normal: DVec3,
+    slope: Slope,
+    /// Slope of the unit normal: how the surface bends.
+    bend: Slope,
 }
 
 impl SmoothSurface {
     /// Measures the slopes of a panel. Cost: about 100 ns a triangle.
     pub(crate) fn new(panel: &Panel) -> Self {
-        let mut surface = Self {
-            slopes: vec![[DVec3::ZERO; 2]; panel.uv.len()],
-            bends: vec![[DVec3::ZERO; 2]; panel.uv.len()],
-        };
-        let mut areas = vec![0.0; panel.uv.len()];
-        for corners in &panel.triangles {
-            let corners = corners.map(|v| v as usize);
-            let gradients = Gradients::of(corners.map(|v| panel.uv[v]));
-            let slope = gradients.slope(corners.map(|v| panel.draped[v]));
-            let bend = gradients.slope(corners.map(|v| panel.normals[v]));
+        let mut vertices: Vec<_> = (0..panel.uv.len())
+            .map(|v| SurfaceVertex {
+                flat: panel.uv[v],
+                place: panel.draped[v],
+                normal: panel.normals[v],
+                slope: [DVec3::ZERO; 2],
+                bend: [DVec3::ZERO; 2],
+            })
+            .collect();
+        let mut areas = vec![0.0; vertices.len()];
+        for numbers in &panel.triangles {
+            let numbers = numbers.map(|v| v as usize);
+            let corners = numbers.map(|v| vertices[v]);
+            let gradients = Gradients::of(corners.map(|corner| corner.flat));
+            let slope = gradients.slope(corners.map(|corner| corner.place));
+            let bend = gradients.slope(corners.map(|corner| corner.normal));
             let normal = slope[0].cross(slope[1]).normalize_or_zero();
-            for corner in corners {
-                let turned = slope.map(|along| turned(along, normal, panel.normals[corner]));
+            for number in numbers {
+                let corner = &mut vertices[number];
+                let turned = slope.map(|along| turned(along, normal, corner.normal));
                 for axis in 0..2 {
-                    surface.slopes[corner][axis] += turned[axis] * gradients.area;
-                    surface.bends[corner][axis] += bend[axis] * gradients.area;
+                    corner.slope[axis] += turned[axis] * gradients.area;
+                    corner.bend[axis] += bend[axis] * gradients.area;
                 }
-                areas[corner] += gradients.area;
+                areas[number] += gradients.area;
             }
         }
-        for (vertex, area) in areas.into_iter().enumerate().filter(|(_, area)| *area > 0.0) {
-            surface.slopes[vertex] = surface.slopes[vertex].map(|slope| slope / area);
-            surface.bends[vertex] = surface.bends[vertex].map(|bend| bend / area);
+        for (vertex, area) in vertices.iter_mut().zip(areas).filter(|(_, area)| *area > 0.0) {
+            vertex.slope = vertex.slope.map(|slope| slope / area);
+            vertex.bend = vertex.bend.map(|bend| bend / area);
         }
-        surface
+        Self { vertices }
     }
 
     /// The patch of a triangle.
     pub(crate) fn patch(&self, panel: &Panel, triangle: usize) -> Patch {
-        let corners = panel.triangles[triangle].map(|v| v as usize);
-        Patch::new(
-            corners.map(|v| panel.uv[v]),
-            corners.map(|v| panel.draped[v]),
-            corners.map(|v| self.slopes[v]),
-            corners.map(|v| panel.normals[v]),
-            corners.map(|v| self.bends[v]),
-        )
+        Patch::new(panel.triangles[triangle].map(|v| self.vertices[v as usize]))
     }
 }
 
@@ -165,13 +175,10 @@ pub(crate) fn part_of(b: f64, c: f64) -> usize {
 }
 
 impl Patch {
-    fn new(
-        flat: [DVec2; 3],
-        places: [DVec3; 3],
-        slopes: [Slope; 3],
-        normals: [DVec3; 3],
-        bends: [Slope; 3],
-    ) -> Self {
+    fn new(corners: [SurfaceVertex; 3]) -> Self {
+        let flat = corners.map(|corner| corner.flat);
+        let places = corners.map(|corner| corner.place);
+        let slopes = corners.map(|corner| corner.slope);
         let middle = (flat[0] + flat[1] + flat[2]) / 3.0;
         let along =
             |corner: usize, way: DVec2| slopes[corner][0] * way.x + slopes[corner][1] * way.y;
@@ -207,7 +214,12 @@ impl Patch {
                 centre,
             ]
         });
-        Self { parts, gradients: Gradients::of(flat).corners, normals, bends }
+        Self {
+            parts,
+            gradients: Gradients::of(flat).corners,
+            normals: corners.map(|corner| corner.normal),
+            bends: corners.map(|corner| corner.bend),
+        }
     }
 
     /// Distance of the surface from its flat triangle at most, mm: that of its control points, since

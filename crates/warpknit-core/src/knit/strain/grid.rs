@@ -25,8 +25,6 @@ pub(super) const KNOTS: usize = SIZE[0] * SIZE[1] * SIZE[2];
 /// A place in the grid: the eight knots around it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GridPlace {
-    /// The knot with the lowest index of each axis.
-    low: usize,
     /// Interval of each axis.
     intervals: [Interval; 3],
     /// Shares of the way to the next knot of each axis.
@@ -47,39 +45,38 @@ struct Interval {
 impl GridPlace {
     /// The place of a strain.
     pub(super) fn of(strain: Strain) -> Self {
+        FLAT_PLACE.moved_to(strain)
+    }
+
+    /// The place of another strain. It costs less the fewer intervals are left.
+    #[inline]
+    pub(super) fn moved_to(&self, strain: Strain) -> Self {
         let (strain, is_outside) = into_grid(strain);
+        let [x, y, z] = &self.intervals;
         let intervals = [
-            Interval::of(&STRETCHES, strain.courses),
-            Interval::of(&STRETCHES, strain.wales),
-            Interval::of(&SHEARS, strain.shear),
+            x.moved_to(&STRETCHES, strain.courses),
+            y.moved_to(&STRETCHES, strain.wales),
+            z.moved_to(&SHEARS, strain.shear),
         ];
-        let low = index(intervals.map(|interval| interval.number));
-        Self { low, intervals, shares: [0.0; 3], is_outside }.with_shares(strain)
+        let [x, y, z] = &intervals;
+        let shares = [x.share(strain.courses), y.share(strain.wales), z.share(strain.shear)];
+        Self { intervals, shares, is_outside }
     }
 
-    /// The place of another strain, if it lies between the same knots.
+    /// Whether two places have the same knots around them.
     #[inline]
-    pub(super) fn moved_to(&self, strain: Strain) -> Option<Self> {
-        let [x, y, z] = &self.intervals;
-        let is_within = x.holds(strain.courses) & y.holds(strain.wales) & z.holds(strain.shear);
-        is_within.then(|| Self { is_outside: false, ..*self }.with_shares(strain))
-    }
-
-    #[inline]
-    fn with_shares(mut self, strain: Strain) -> Self {
-        let [x, y, z] = &self.intervals;
-        self.shares = [x.share(strain.courses), y.share(strain.wales), z.share(strain.shear)];
-        self
+    pub(super) fn has_knots_of(&self, other: &Self) -> bool {
+        (0..3).all(|axis| self.intervals[axis].number == other.intervals[axis].number)
     }
 
     /// The knots around it. Each bit of a corner's number stands for the upper knot of an axis.
     pub(super) fn corners(&self) -> [usize; 8] {
+        let low = index(self.intervals.map(|interval| interval.number));
         from_fn(|corner| {
             let strides = [(1, 1), (2, SIZE[0]), (4, SIZE[0] * SIZE[1])].into_iter();
-            self.low
-                + strides
-                    .map(|(bit, stride)| usize::from(corner & bit != 0) * stride)
-                    .sum::<usize>()
+            low + strides
+                .map(|(bit, stride)| usize::from(corner & bit != 0) * stride)
+                .sum::<usize>()
         })
     }
 
@@ -97,17 +94,34 @@ impl GridPlace {
     }
 }
 
+/// The place of flat cloth.
+const FLAT_PLACE: GridPlace = GridPlace {
+    intervals: [
+        Interval::at(&STRETCHES, FLAT[0]),
+        Interval::at(&STRETCHES, FLAT[1]),
+        Interval::at(&SHEARS, FLAT[2]),
+    ],
+    shares: [0.0; 3],
+    is_outside: false,
+};
+
 impl Interval {
-    /// The interval of a rising list that holds a value.
-    fn of(values: &[f64], value: f64) -> Self {
-        let inner = &values[1..values.len() - 1];
-        let number = inner.iter().map(|&knot| usize::from(value >= knot)).sum();
+    /// An interval of a rising list.
+    const fn at(values: &[f64], number: usize) -> Self {
         Self { number, from: values[number], to: values[number + 1] }
     }
 
+    /// The interval of a rising list that holds a value: itself mostly.
     #[inline]
-    fn holds(&self, value: f64) -> bool {
-        (self.from <= value) & (value < self.to)
+    fn moved_to(&self, values: &[f64], value: f64) -> Self {
+        let mut number = self.number;
+        while value >= values[number + 1] && number + 2 < values.len() {
+            number += 1;
+        }
+        while value < values[number] && number > 0 {
+            number -= 1;
+        }
+        Self::at(values, number)
     }
 
     /// The share of the way through it.

@@ -171,8 +171,12 @@ impl StrainTable {
     #[must_use]
     pub fn at(&self, strain: Strain) -> Lookup<'_> {
         let place = GridPlace::of(strain);
-        let corners = place.corners().map(|knot| self.placed(knot));
-        Lookup { place, corners, weights: weights(&place) }
+        Lookup { place, corners: self.around(&place), weights: weights(&place) }
+    }
+
+    /// The offsets of the knots around a place.
+    fn around(&self, place: &GridPlace) -> [&[PlacedOffset]; 8] {
+        place.corners().map(|knot| self.placed(knot))
     }
 
     /// How locked the cloth is between knots with these weights.
@@ -293,12 +297,12 @@ impl<'a> Lookup<'a> {
     /// them.
     #[inline]
     pub fn move_to(&mut self, table: &'a StrainTable, strain: Strain) {
-        if let Some(place) = self.place.moved_to(strain) {
-            self.weights = weights(&place);
-            self.place = place;
-        } else {
-            *self = table.at(strain);
+        let place = self.place.moved_to(strain);
+        if !place.has_knots_of(&self.place) {
+            self.corners = table.around(&place);
         }
+        self.weights = weights(&place);
+        self.place = place;
     }
 
     /// Whether the strain lies beyond the table.
