@@ -100,9 +100,9 @@ pub(super) fn stretched(stretched: &Stretched) -> String {
         strain.courses, strain.wales
     );
     let Some(last) = free.last() else { return table };
-    line(&mut table, format_args!("\ncourses  wales  half as stiff  twice as stiff"));
+    line(&mut table, format_args!("\ncourses  wales  wales, half as stiff  wales, twice as stiff"));
     for FreeWidth { courses, wales: [soft, assumed, stiff] } in free {
-        line(&mut table, format_args!("{courses:<7.2}  {assumed:.3}  {soft:<13.3}  {stiff:.3}"));
+        line(&mut table, format_args!("{courses:<7.2}  {assumed:.3}  {soft:<20.3}  {stiff:.3}"));
     }
     line(
         &mut table,

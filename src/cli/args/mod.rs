@@ -11,8 +11,9 @@ mod tile;
 
 use std::path::{Path, PathBuf};
 
+use clap::builder::UnknownArgumentValueParser;
 use clap::error::ErrorKind;
-use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use clap::{Arg, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use warpknit::fabric;
 use warpknit::pipeline::{LoupeChoice, Stretch};
 use warpknit::tile::Tile;
@@ -31,6 +32,12 @@ use super::values::{EdgesArg, FactsFormat, diagram, loupe, positive, stretch};
 
 /// The fabric, unless one is named.
 pub(crate) const DEFAULT_FABRIC: &str = "tricot";
+
+/// An option that another command has: whoever writes it is told where.
+fn elsewhere(name: &'static str, hint: &'static str) -> Arg {
+    let refused = UnknownArgumentValueParser::suggest(hint);
+    Arg::new(name).long(name).hide(true).value_parser(refused)
+}
 
 /// Knits warp-knit fabric, yarn by yarn, onto a garment from a pattern tool.
 #[derive(Parser, Debug)]
@@ -110,6 +117,7 @@ pub(crate) enum Command {
   warpknit drape meshes/tshirt.obj --enlarge auto -o large-loops.png
   warpknit drape pattern.obj 'frames/*.obj' -o dance.png -o dance.usda
   warpknit drape pattern.obj frames/ --skip-bad-frames --fps 30 -o dance.usda")]
+    #[command(arg = elsewhere("stretch", "the draped mesh says how far a garment is stretched; `warpknit swatch --stretch` pulls flat cloth"))]
     Drape(Drape),
     /// Knit a flat piece of fabric
     #[command(after_help = "Examples:
@@ -274,8 +282,8 @@ pub(crate) struct Swatch {
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=20_000), allow_negative_numbers = true)]
     pub(crate) courses: u32,
     /// Pull the cloth to X times its length along the courses (across the wales) and Y times along
-    /// the wales; `free` for Y is the length that it takes by itself, with a table of it over the
-    /// pull [default for Y: 1]
+    /// the wales, each 0.5 to 2; `free` for Y is the length that it takes by itself, with a table of
+    /// it over the pull, for X of 1 to 1.25 [default for Y: 1]
     #[arg(long, value_name = "X[,Y|free]", value_parser = stretch, allow_hyphen_values = true)]
     pub(crate) stretch: Option<Stretch>,
     #[command(flatten)]

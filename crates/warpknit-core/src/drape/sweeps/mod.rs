@@ -21,22 +21,21 @@
 //! pulled further than its loops can follow. All blocks of a panel are in memory meanwhile,
 //! some 7 kB a stitch. Not promised: cloth that lies on cloth.
 
+mod panel;
 mod search;
 
 use std::array::from_fn;
 use std::ops::Range;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Block;
-use super::strands::CUT;
 use crate::ids::index32;
-use crate::knit::YarnCopy;
 use crate::knit::clearance::SAME_STRAND_RADII;
 use crate::knit::strain::RepeatSpans;
-use crate::map::Draped;
 use crate::yarn::curve;
+use panel::{PanelYarn, SweptPanel, control_points, slices_of};
 use search::{Partners, SpanSearch};
 
 /// Pairs nearer than this share of the distance that sweeps aim at are moved.
@@ -78,14 +77,6 @@ const CONTACT_STIFFNESS: f64 = 0.6;
 const LENGTH_STIFFNESS: f64 = 0.6;
 /// Wrong lengths that are left: less is not seen.
 const LENGTH_TOLERANCE: f64 = 0.002;
-/// Spans that are too long by a larger share are those of creases in the mesh. Moving their points
-/// would not mend them, unless it is by less than [`MENDABLE`]. With 0.3 a sharply folded dress
-/// keeps the lengths of 3 % fewer stitches; with 1 it keeps those of a few more.
-const LENGTH_LIMIT: f64 = 0.7;
-/// A short span that is too long by less, in radii, is not torn, however large its share. A fold of
-/// thick cloth makes a span of two radii three times as long, and moves can mend that: both its ends
-/// may move by [`MAX_MOVE`]. With 0 yarns pass through each other there; 8 gives what 5 does.
-const MENDABLE: f64 = 5.0;
 /// Parts into which a span is divided to find where it is nearest to another.
 const PARTS: usize = 3;
 /// Limit of the move of a point in one sweep, radii.
@@ -93,31 +84,6 @@ const MAX_STEP: f64 = 0.2;
 /// Limit of the move of a point, radii: it stays where the cloth is. A tight fold of thick cloth
 /// needs some three.
 const MAX_MOVE: f64 = 4.0;
-
-/// One yarn of the panel.
-struct PanelYarn {
-    copy: YarnCopy,
-    /// The part of the panel's arrays that it fills.
-    places: Range<usize>,
-}
-
-/// All yarns of a panel.
-struct SweptPanel<'a> {
-    repeat: &'a RepeatSpans,
-    yarns: Vec<PanelYarn>,
-    /// Place of each data point; not a number for those off the panel.
-    places: Vec<DVec3>,
-    /// Where each data point lies in the flat cloth.
-    flat: Vec<Vec3>,
-    /// The places as mapped.
-    mapped: Vec<DVec3>,
-    /// Whether the cloth is strained too far at a place for loops to follow.
-    is_overstrained: Vec<bool>,
-    /// Length that the span from each place keeps, mm.
-    lengths: Vec<f64>,
-    /// Length of yarn from its start to each place, mm.
-    along: Vec<f64>,
-}
 
 /// What sweeps do for one yarn until the next look.
 #[derive(Clone, Debug, Default)]
@@ -253,89 +219,7 @@ impl Aim {
     }
 }
 
-/// The parts of an array that yarns fill.
-fn slices_of<'a, T>(all: &'a mut [T], yarns: &[PanelYarn]) -> Vec<&'a mut [T]> {
-    let mut rest = all;
-    let slices = yarns.iter().map(|yarn| {
-        rest.split_off_mut(..yarn.places.len()).expect("yarns fill the array one after another")
-    });
-    slices.collect()
-}
-
-impl<'a> SweptPanel<'a> {
-    fn new(blocks: &[Block], repeat: &'a RepeatSpans) -> Self {
-        let mut panel = Self {
-            repeat,
-            yarns: Vec::new(),
-            places: Vec::new(),
-            flat: Vec::new(),
-            mapped: Vec::new(),
-            is_overstrained: Vec::new(),
-            lengths: Vec::new(),
-            along: Vec::new(),
-        };
-        for block in blocks {
-            let start = panel.places.len();
-            let end = start + block.knitted.points.len();
-            panel.places.resize(end, DVec3::NAN);
-            panel.is_overstrained.resize(end, false);
-            panel.flat.extend(block.knitted.points.iter().map(|point| point.as_vec3()));
-            panel.add_places(block, start);
-            panel.yarns.extend(block.yarns.iter().map(|yarn| {
-                let points = block.points_of(&yarn.stitches);
-                PanelYarn { copy: yarn.copy, places: start + points.start..start + points.end }
-            }));
-        }
-        panel.mapped.clone_from(&panel.places);
-        panel.lengths = panel.kept_lengths();
-        panel.along = panel.arc_lengths();
-        panel
-    }
-
-    /// Adds the data points of a block on the panel.
-    fn add_places(&mut self, block: &Block, start: usize) {
-        let Draped { positions, is_overstrained, .. } = &block.draped;
-        let places = positions.iter().zip(is_overstrained);
-        for (&source, (&place, &is_overstrained)) in block.strands.sources.iter().zip(places) {
-            if source != CUT {
-                self.places[start + source as usize] = place;
-                self.is_overstrained[start + source as usize] = is_overstrained;
-            }
-        }
-    }
-
-    /// The length of each span: that of the flat repeat, or as mapped where yarn has to stretch.
-    fn kept_lengths(&self) -> Vec<f64> {
-        let mut lengths = vec![0.0; self.places.len()];
-        let slices = slices_of(&mut lengths, &self.yarns);
-        self.yarns.par_iter().zip(slices).for_each(|(yarn, lengths)| {
-            let mapped = &self.mapped[yarn.places.clone()];
-            let is_overstrained = &self.is_overstrained[yarn.places.clone()];
-            for span in 1..mapped.len().saturating_sub(2) {
-                let (point, _) = self.origin(yarn, span);
-                let has_to_stretch = is_overstrained[span] || is_overstrained[span + 1];
-                let control = control_points(mapped, span).filter(|_| has_to_stretch);
-                lengths[span] = control.map_or(self.repeat.lengths[point], |control| {
-                    curve::span(&control, 1).length()
-                });
-            }
-        });
-        lengths
-    }
-
-    /// Length of yarn from the start of each yarn to its points.
-    fn arc_lengths(&self) -> Vec<f64> {
-        let mut along = vec![0.0; self.lengths.len()];
-        for yarn in &self.yarns {
-            let mut sum = 0.0;
-            for at in yarn.places.clone() {
-                along[at] = sum;
-                sum += self.lengths[at];
-            }
-        }
-        along
-    }
-
+impl SweptPanel<'_> {
     /// What has to move of each yarn: the spans that are too near others or of a wrong length, and
     /// those around them.
     fn wrong(&self, search: &SpanSearch) -> Vec<Active> {
@@ -482,55 +366,14 @@ impl<'a> SweptPanel<'a> {
         f64::abs(wrong) > WRONG_LENGTH * length
     }
 
-    /// By how much a span is too long, as a share of its length. Nothing off the panel, and where no
-    /// move would mend it.
+    /// By how much a span is too long, as a share of its length. Nothing where it is off the panel or
+    /// torn.
     fn wrong_length(&self, yarn: &PanelYarn, own: &[DVec3], span: usize) -> Option<f64> {
         let control = control_points(own, span)?;
         let kept = self.lengths[yarn.places.start + span];
-        let wrong = curve::span(&control, 1).length() / kept - 1.0;
-        let is_mendable = wrong * kept < MENDABLE * self.radius(yarn);
-        (wrong < LENGTH_LIMIT || is_mendable).then_some(wrong)
+        let length = curve::span(&control, 1).length();
+        (!self.is_torn(yarn, span, length)).then_some(length / kept - 1.0)
     }
-
-    /// The data point of the repeat of which a yarn's point is a copy, and its cell along the yarn.
-    fn origin(&self, yarn: &PanelYarn, point: usize) -> (usize, i64) {
-        let (count, start) = self.points_of(yarn.copy.yarn);
-        let at = yarn.copy.first + i64::from(index32(point));
-        let within = usize::try_from(at.rem_euclid(count)).expect("a remainder is not negative");
-        (start + within, at.div_euclid(count))
-    }
-
-    /// Radius of a yarn, mm.
-    fn radius(&self, yarn: &PanelYarn) -> f64 {
-        self.repeat.yarns[yarn.copy.yarn].chain.radius
-    }
-
-    /// Number of data points of a yarn of the repeat, and the first of them.
-    fn points_of(&self, yarn: usize) -> (i64, usize) {
-        let points = &self.repeat.yarns[yarn].chain.points;
-        (i64::from(index32(points.len())), points.start)
-    }
-
-    /// Writes the places into the blocks.
-    fn write_back(&self, blocks: &mut [Block]) {
-        let mut start = 0;
-        for block in blocks {
-            let Block { knitted, strands, draped, .. } = block;
-            for (&source, place) in strands.sources.iter().zip(&mut draped.positions) {
-                if source != CUT {
-                    *place = self.places[start + source as usize];
-                }
-            }
-            start += knitted.points.len();
-        }
-    }
-}
-
-/// The control points of a span of a yarn. Nothing where one of them is off the panel: there the
-/// curve is not that of the repeat.
-fn control_points(own: &[DVec3], span: usize) -> Option<[DVec3; 4]> {
-    let control: [DVec3; 4] = own.get(span.checked_sub(1)?..span + 3)?.try_into().ok()?;
-    control.iter().all(|place| !place.is_nan()).then_some(control)
 }
 
 /// From the nearest point of the other span to that of the first, and where on the first that is.

@@ -14,7 +14,8 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 
-use super::{MENDABLE, PanelYarn, SpanPair, SweptPanel, control_points};
+use super::SpanPair;
+use super::panel::{PanelYarn, SweptPanel, control_points};
 use crate::drape::segments::squared_distances;
 use crate::ids::index32;
 use crate::knit::clearance::{MAX_CANDIDATES, SAME_STRAND_RADII};
@@ -31,9 +32,6 @@ const PART_RADII: f64 = 3.0;
 const LANES: usize = 4;
 /// Limit of the parts of a span.
 const MAX_PARTS: u32 = 12;
-/// A span longer than its flat length by this factor, and by more than [`MENDABLE`], is torn: it has no
-/// partners.
-const MAX_STRETCH: f64 = 2.0;
 
 /// Which spans near one are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +98,7 @@ impl SpanSearch {
         };
         let (length, radius) = (panel.lengths[yarn.places.start + span], panel.radius(yarn));
         let chord = control[1].distance(control[2]);
-        if chord > (MAX_STRETCH * length).max(length + MENDABLE * radius) {
+        if panel.is_torn(yarn, span, chord) {
             return;
         }
         let length = length.max(chord);
