@@ -116,7 +116,7 @@ impl<'a> Drawn<'a> {
             blocks.iter().for_each(|block| shown.add_to(&mut scene, block));
             Ok::<_, Infallible>(())
         });
-        edges::add_to(&mut scene, job.threads);
+        edges::add_threads(&mut scene, job.threads);
         pictures.inset(&scene, setup.fibres.as_ref(), job, loupe).map(Some)
     }
 }

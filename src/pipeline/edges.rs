@@ -1,7 +1,8 @@
 //! Finished edges of a run's pictures: which pictures have them, and the sewing thread.
 //!
 //! In: the parts of a run, a garment, and the relaxed repeat of its fabric. Out: the garment with hems
-//! and seam allowances, and its threads in a scene. Files are of the garment as it is.
+//! and seam allowances, and its threads in a scene. Files are of the garment as it is. The window
+//! takes the same.
 
 use super::densities::{Gauge, Shown};
 use super::settings::EdgeFinish;
@@ -33,22 +34,24 @@ pub(super) fn divided(
 }
 
 /// A garment with finished edges, for cloth of this repeat whose thickest yarn has this radius, mm.
-pub(super) fn finish(garment: &Garment, pattern: &Pattern, radius: f64) -> Finished {
+#[must_use]
+pub fn finish(garment: &Garment, pattern: &Pattern, radius: f64) -> Finished {
     let [low, high] = pattern.depths();
     finished(garment, &Sizes { face: high + radius, back: radius - low, thread: THREAD })
 }
 
-/// The look of thread that is sewn into cloth of these looks: that of its front bar, at its own
-/// thickness.
-pub(super) fn thread_look(looks: &[YarnLook]) -> Option<YarnLook> {
-    let front = looks.first()?;
+/// Adds the look of threads to a scene of the cloth that they are sewn into: that of its front bar, at
+/// their own thickness. Without threads there is none.
+pub fn add_thread_look(scene: &mut Scene, threads: &[Thread]) {
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let radius = THREAD as f32;
-    Some(YarnLook { radius, plies: 3, maps: None, ..*front })
+    let front = scene.looks.first().filter(|_| !threads.is_empty());
+    let look = front.map(|front| YarnLook { radius, plies: 3, maps: None, ..*front });
+    scene.looks.extend(look);
 }
 
 /// Adds threads to a scene whose last look is theirs.
-pub(super) fn add_to(scene: &mut Scene, threads: &[Thread]) {
+pub fn add_threads(scene: &mut Scene, threads: &[Thread]) {
     let look = u16::try_from(scene.looks.len().saturating_sub(1))
         .expect("a fabric has a hundred bars at most");
     for (number, thread) in (0..).zip(threads) {

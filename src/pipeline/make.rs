@@ -210,7 +210,7 @@ impl<'a> Prepared<'a> {
         clock.begin(Task::Write, 1.0);
         all.files.extend(finished(sinks)?);
         if let Some((drawn, scene)) = &mut pictures {
-            edges::add_to(scene, job.threads);
+            edges::add_threads(scene, job.threads);
             if job.is_swatch {
                 points.clone_from(&scene.positions);
             }

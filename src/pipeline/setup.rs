@@ -85,9 +85,7 @@ impl Setup {
     pub(super) fn scene(&self, job: &Job<'_>) -> Scene {
         let shape = job.settings.picture.shape;
         let mut scene = textures::scene(shape, job.shown, self.section.radius, &self.textures);
-        if !job.threads.is_empty() {
-            scene.looks.extend(edges::thread_look(&scene.looks));
-        }
+        edges::add_thread_look(&mut scene, job.threads);
         Scene { evenness: job.options.evenness, ..scene }
     }
 }

@@ -37,9 +37,12 @@ pub(crate) fn fails(code: i32, arguments: &[&str], prepare: impl Fn(&Path)) -> S
 pub(crate) const SMALL: [&str; 6] = ["--size", "32x24", "--wales", "2", "--courses", "2"];
 
 #[test]
-fn an_option_of_another_command_is_told_where_it_is() {
-    let told = fails(2, &["drape", "a.obj", "--stretch", "1.2"], |_| {});
-    assert!(told.contains("`warpknit swatch --stretch` pulls flat cloth"), "{told}");
+fn who_pulls_a_garment_is_sent_to_the_swatch() {
+    for arguments in [&["drape", "a.obj", "--stretch", "1.2"][..], &["view", "--stretch"]] {
+        let error = fails(2, arguments, |_| {});
+        assert!(error.contains("`warpknit swatch --stretch` pulls flat cloth"), "{error}");
+        assert!(!error.contains("--sr"), "{error}");
+    }
 }
 
 #[test]

@@ -102,20 +102,42 @@ fn pixels_of(color: [u8; 3], window: &RgbImage) -> usize {
     window.enumerate_pixels().filter(|(x, _, pixel)| *x < PICTURE && is_like(pixel.0)).count()
 }
 
+/// Pixels of the picture that show a background of #2040c0, which lies far from all yarns here.
+fn background_pixels(window: &RgbImage) -> usize {
+    let pixels = window.enumerate_pixels();
+    pixels.filter(|(x, _, pixel)| *x < PICTURE && pixel.0 == [0x20, 0x40, 0xc0]).count()
+}
+
+#[test]
+fn hems_of_a_net_are_less_sheer() {
+    let Some(display) = Display::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let sheet = "v 0 0 0\nv 200 0 0\nv 200 150 0\nv 0 150 0\n\
+                 vt 0 0\nvt 200 0\nvt 200 150\nvt 0 150\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+    std::fs::write(folder.path().join("sheet.obj"), sheet).unwrap();
+    let [raw, hemmed] = ["raw", "hemmed"].map(|edges| {
+        let mut command = display.warpknit(folder.path());
+        command.args(["view", "sheet.obj", "--unit", "mm", "--fabric", "hex-net-5"]);
+        command.args(["--background", "#2040c0", "--edges", edges, "--screenshot", "out.png"]);
+        succeeds(&end(command.spawn().unwrap()));
+        let window = image::open(folder.path().join("out.png")).unwrap().to_rgb8();
+        std::fs::remove_file(folder.path().join("out.png")).unwrap();
+        background_pixels(&window)
+    });
+    // Hems of 20 mm all round are two fifths of the sheet.
+    assert!(hemmed < raw - raw / 20, "{hemmed} pixels are background, {raw} with raw edges");
+}
+
 #[test]
 fn a_window_shows_the_cloth() {
     let Some(display) = Display::open() else { return };
     let folder = tempfile::tempdir().unwrap();
-    // Blue lies far from both yarns.
     let arguments = ["--fabric", "tricot", "--background", "#2040c0", "--screenshot", "out.png"];
     succeeds(&end(display.warpknit(folder.path()).args(SMALL).args(arguments).spawn().unwrap()));
     let window = image::open(folder.path().join("out.png")).unwrap().to_rgb8();
     assert_eq!(window.dimensions(), SIZE);
     let all = (PICTURE * SIZE.1) as usize;
-    let background = window
-        .enumerate_pixels()
-        .filter(|(x, _, pixel)| *x < PICTURE && pixel.0 == [0x20, 0x40, 0xc0])
-        .count();
+    let background = background_pixels(&window);
     assert!(
         (all / 10..all * 9 / 10).contains(&background),
         "{background} of {all} pixels are background"

@@ -11,9 +11,8 @@ mod tile;
 
 use std::path::{Path, PathBuf};
 
-use clap::builder::UnknownArgumentValueParser;
-use clap::error::ErrorKind;
-use clap::{Arg, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use warpknit::fabric;
 use warpknit::pipeline::{LoupeChoice, Stretch};
 use warpknit::tile::Tile;
@@ -33,10 +32,18 @@ use super::values::{EdgesArg, FactsFormat, diagram, loupe, positive, stretch};
 /// The fabric, unless one is named.
 pub(crate) const DEFAULT_FABRIC: &str = "tricot";
 
-/// An option that another command has: whoever writes it is told where.
-fn elsewhere(name: &'static str, hint: &'static str) -> Arg {
-    let refused = UnknownArgumentValueParser::suggest(hint);
-    Arg::new(name).long(name).hide(true).value_parser(refused)
+/// Says where cloth is pulled, if someone asks it of another command than `swatch`.
+fn with_hint(mut error: clap::Error) -> clap::Error {
+    const HINT: &str = "the draped mesh says how far a garment is stretched; `warpknit swatch \
+                        --stretch` pulls flat cloth";
+    let asked = ContextValue::String("--stretch".to_owned());
+    if error.get(ContextKind::InvalidArg) == Some(&asked) {
+        // Both speak of `--sr`, whose name is like it.
+        error.remove(ContextKind::SuggestedArg);
+        error.remove(ContextKind::Usage);
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![HINT.into()]));
+    }
+    error
 }
 
 /// Knits warp-knit fabric, yarn by yarn, onto a garment from a pattern tool.
@@ -59,7 +66,7 @@ impl Arguments {
         let words: Vec<_> = std::env::args_os().collect();
         let matches = match config::matches(&Self::command(), Path::new(config::FILE), &words) {
             Ok(matches) => matches,
-            Err(Trouble::Usage(error)) => error.exit(),
+            Err(Trouble::Usage(error)) => with_hint(error).exit(),
             Err(Trouble::File(error)) => return Err(error),
         };
         let arguments = Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
@@ -117,7 +124,6 @@ pub(crate) enum Command {
   warpknit drape meshes/tshirt.obj --enlarge auto -o large-loops.png
   warpknit drape pattern.obj 'frames/*.obj' -o dance.png -o dance.usda
   warpknit drape pattern.obj frames/ --skip-bad-frames --fps 30 -o dance.usda")]
-    #[command(arg = elsewhere("stretch", "the draped mesh says how far a garment is stretched; `warpknit swatch --stretch` pulls flat cloth"))]
     Drape(Drape),
     /// Knit a flat piece of fabric
     #[command(after_help = "Examples:
@@ -315,6 +321,9 @@ pub(crate) struct Live {
     /// Courses of a swatch
     #[arg(long, value_name = "N", default_value_t = 16, conflicts_with = "flat", value_parser = clap::value_parser!(u32).range(1..=20_000), allow_negative_numbers = true)]
     pub(crate) courses: u32,
+    /// How the garment's edges are finished [default: hemmed at true gauge; else raw]
+    #[arg(long, value_enum, value_name = "hemmed|raw", requires = "flat")]
+    pub(crate) edges: Option<EdgesArg>,
     /// Write a picture of the window to this file as soon as the cloth is drawn, and close
     #[arg(long, value_name = "OUT.png", value_parser = picture)]
     pub(crate) screenshot: Option<PathBuf>,

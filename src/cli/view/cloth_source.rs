@@ -14,6 +14,7 @@ use warpknit::drape::evenness::Evenness;
 use warpknit::drape::{self, Block, Cloth, DrapeOptions, Totals};
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::garment::{Garment, Panel, read};
+use warpknit::knit::Pattern;
 use warpknit::render::cloth;
 use warpknit::render::scene::{Scene, Shape};
 use warpknit::report::Timings;
@@ -21,8 +22,9 @@ use warpknit::report::Timings;
 use super::super::args::Live;
 use super::super::choice::{fabric, named_fabric};
 use warpknit::pipeline::{
-    self, Clock, Enlarge, Placement, StrainCache, Task, Textures, check_laid, check_memory,
-    check_placement, check_stitches, drawn_radius, lengths_note, loss_warning, turn_grains,
+    self, Clock, EdgeFinish, Enlarge, Placement, StrainCache, Task, Textures, check_laid,
+    check_memory, check_placement, check_stitches, drawn_radius, lengths_note, loss_warning,
+    turn_grains,
 };
 
 /// Memory of a stitch, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points,
@@ -35,6 +37,8 @@ pub(super) struct ClothSource {
     pub(super) choices: Vec<FabricChoice>,
     base: ClothBase,
     placement: Placement,
+    /// How edges are finished, where the user chose it.
+    edges: Option<EdgeFinish>,
     /// The folder in which strained repeats are kept.
     cache: Option<PathBuf>,
     /// Tubes or ribbons, as the command line asks.
@@ -128,6 +132,7 @@ impl ClothSource {
             choices,
             base,
             placement,
+            edges: arguments.edges.map(Into::into),
             cache: arguments.laying.cache(),
             shape: shared.drawing.shape.into(),
             evenness: shared.drawing.evenness(),
@@ -152,13 +157,7 @@ impl ClothSource {
         clock.begin(Task::Knit, 0.0);
         match &self.base {
             ClothBase::Garment(garment) => {
-                let mut garment = Cow::Borrowed(garment.as_ref());
-                if !fabric.panels.is_empty() {
-                    turn_grains(garment.to_mut(), &fabric);
-                }
-                let cloth = Cloth::cover(&garment, &fabric)
-                    .with_context(|| self.choices[recipe.fabric].label.clone())?;
-                self.lay(&cloth, &fabric, radius, recipe, clock, superseded)
+                self.knit_on(garment, &fabric, radius, recipe, clock, superseded)
             }
             ClothBase::Swatch { wales, courses } => {
                 let panel = drape::swatch_panel(&fabric, *wales, *courses);
@@ -172,6 +171,40 @@ impl ClothSource {
                 )
             }
         }
+    }
+
+    /// Knits a cloth on a garment, and finishes its edges.
+    fn knit_on(
+        &self,
+        garment: &Garment,
+        fabric: &Fabric,
+        radius: f64,
+        recipe: Recipe,
+        clock: Clock<'_>,
+        superseded: &dyn Fn() -> bool,
+    ) -> Result<Option<KnittedScene>> {
+        let mut garment = Cow::Borrowed(garment);
+        if !fabric.panels.is_empty() {
+            turn_grains(garment.to_mut(), fabric);
+        }
+        let label = || self.choices[recipe.fabric].label.clone();
+        Cloth::check_sizes(&garment, fabric).with_context(label)?;
+        let pattern = Pattern::new(fabric);
+        let finished =
+            self.has_finished_edges(fabric).then(|| pipeline::finish(&garment, &pattern, radius));
+        let garment = finished.as_ref().map_or(&*garment, |finished| &finished.garment);
+        let cloth = Cloth::cover_with(garment, fabric, pattern).with_context(label)?;
+        let mut knitted = self.lay(&cloth, fabric, radius, recipe, clock, superseded)?;
+        if let (Some(knitted), Some(finished)) = (&mut knitted, &finished) {
+            pipeline::add_thread_look(&mut knitted.scene, &finished.threads);
+            pipeline::add_threads(&mut knitted.scene, &finished.threads);
+        }
+        Ok(knitted)
+    }
+
+    /// Whether a garment's edges are finished in cloth of a fabric.
+    fn has_finished_edges(&self, fabric: &Fabric) -> bool {
+        self.edges.map_or(fabric.enlargement <= 1.0, |edges| edges == EdgeFinish::Hemmed)
     }
 
     /// The fabric of a recipe at the recipe's densities.

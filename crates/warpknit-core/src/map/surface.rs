@@ -53,21 +53,21 @@ impl SmoothSurface {
             })
             .collect();
         let mut areas = vec![0.0; vertices.len()];
-        for numbers in &panel.triangles {
-            let numbers = numbers.map(|v| v as usize);
-            let corners = numbers.map(|v| vertices[v]);
+        for ids in &panel.triangles {
+            let ids = ids.map(|v| v as usize);
+            let corners = ids.map(|v| vertices[v]);
             let gradients = Gradients::of(corners.map(|corner| corner.flat));
             let slope = gradients.slope(corners.map(|corner| corner.place));
             let bend = gradients.slope(corners.map(|corner| corner.normal));
             let normal = slope[0].cross(slope[1]).normalize_or_zero();
-            for number in numbers {
-                let corner = &mut vertices[number];
+            for id in ids {
+                let corner = &mut vertices[id];
                 let turned = slope.map(|along| turned(along, normal, corner.normal));
                 for axis in 0..2 {
                     corner.slope[axis] += turned[axis] * gradients.area;
                     corner.bend[axis] += bend[axis] * gradients.area;
                 }
-                areas[number] += gradients.area;
+                areas[id] += gradients.area;
             }
         }
         for (vertex, area) in vertices.iter_mut().zip(areas).filter(|(_, area)| *area > 0.0) {

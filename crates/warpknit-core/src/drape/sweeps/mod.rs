@@ -366,13 +366,14 @@ impl SweptPanel<'_> {
         f64::abs(wrong) > WRONG_LENGTH * length
     }
 
-    /// By how much a span is too long, as a share of its length. Nothing where it is off the panel or
-    /// torn.
+    /// By how much a span is too long, as a share of its length. Nothing where it is off the panel,
+    /// torn or without length.
     fn wrong_length(&self, yarn: &PanelYarn, own: &[DVec3], span: usize) -> Option<f64> {
         let control = control_points(own, span)?;
         let kept = self.lengths[yarn.places.start + span];
         let length = curve::span(&control, 1).length();
-        (!self.is_torn(yarn, span, length)).then_some(length / kept - 1.0)
+        // A span that was mapped to a point has no length to be wrong by.
+        (kept > 0.0 && !self.is_torn(yarn, span, length)).then_some(length / kept - 1.0)
     }
 }
 

@@ -48,7 +48,7 @@ impl GridPlace {
         FLAT_PLACE.moved_to(strain)
     }
 
-    /// The place of another strain. It costs less the fewer intervals are left.
+    /// The place of another strain. Each axis is walked from its interval here to that of the strain.
     #[inline]
     pub(super) fn moved_to(&self, strain: Strain) -> Self {
         let (strain, is_outside) = into_grid(strain);
@@ -63,9 +63,9 @@ impl GridPlace {
         Self { intervals, shares, is_outside }
     }
 
-    /// Whether two places have the same knots around them.
+    /// Whether the same knots lie around another place.
     #[inline]
-    pub(super) fn has_knots_of(&self, other: &Self) -> bool {
+    pub(super) fn has_same_knots(&self, other: &Self) -> bool {
         (0..3).all(|axis| self.intervals[axis].number == other.intervals[axis].number)
     }
 
@@ -200,6 +200,17 @@ mod tests {
             let found = GridPlace::of(strain(knot)).knots();
             let own: f64 = found.iter().filter(|(at, _)| *at == knot).map(|(_, w)| w).sum();
             assert_eq!(own, 1.0, "{knot}");
+        }
+    }
+
+    #[test]
+    fn a_place_does_not_depend_on_the_one_before() {
+        let strains = || (0..KNOTS).step_by(7).map(|knot| Strain::NONE.towards(strain(knot), 0.97));
+        for from in strains() {
+            for to in strains() {
+                let (direct, walked) = (GridPlace::of(to), GridPlace::of(from).moved_to(to));
+                assert_eq!(direct.knots(), walked.knots());
+            }
         }
     }
 

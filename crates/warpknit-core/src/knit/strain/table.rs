@@ -298,7 +298,7 @@ impl<'a> Lookup<'a> {
     #[inline]
     pub fn move_to(&mut self, table: &'a StrainTable, strain: Strain) {
         let place = self.place.moved_to(strain);
-        if !place.has_knots_of(&self.place) {
+        if !place.has_same_knots(&self.place) {
             self.corners = table.around(&place);
         }
         self.weights = weights(&place);
