@@ -22,15 +22,18 @@ pub(super) fn divided(
     part: Shown<'_>,
     chosen: Option<EdgeFinish>,
 ) -> impl Iterator<Item = (Shown<'_>, bool)> {
-    let is_finished = match chosen {
-        None => part.gauge == Gauge::True,
-        Some(finish) => finish == EdgeFinish::Hemmed,
-    };
+    let is_finished = has_finished_edges(chosen, part.gauge == Gauge::True);
     let (pictures, files) =
         part.outputs.iter().cloned().partition(|(_, format)| is_finished && *format == Format::Png);
     let drawn = Shown { outputs: pictures, ..part.clone() };
     let filed = Shown { outputs: files, ..part };
     [(drawn, true), (filed, false)].into_iter().filter(|(part, _)| !part.outputs.is_empty())
+}
+
+/// Whether edges are finished: as someone chose, or else at true gauge.
+#[must_use]
+pub fn has_finished_edges(chosen: Option<EdgeFinish>, is_true_gauge: bool) -> bool {
+    chosen.map_or(is_true_gauge, |finish| finish == EdgeFinish::Hemmed)
 }
 
 /// A garment with finished edges, for cloth of this repeat whose thickest yarn has this radius, mm.

@@ -190,8 +190,8 @@ impl ClothSource {
         let label = || self.choices[recipe.fabric].label.clone();
         Cloth::check_sizes(&garment, fabric).with_context(label)?;
         let pattern = Pattern::new(fabric);
-        let finished =
-            self.has_finished_edges(fabric).then(|| pipeline::finish(&garment, &pattern, radius));
+        let finished = pipeline::has_finished_edges(self.edges, fabric.enlargement <= 1.0)
+            .then(|| pipeline::finish(&garment, &pattern, radius));
         let garment = finished.as_ref().map_or(&*garment, |finished| &finished.garment);
         let cloth = Cloth::cover_with(garment, fabric, pattern).with_context(label)?;
         let mut knitted = self.lay(&cloth, fabric, radius, recipe, clock, superseded)?;
@@ -200,11 +200,6 @@ impl ClothSource {
             pipeline::add_threads(&mut knitted.scene, &finished.threads);
         }
         Ok(knitted)
-    }
-
-    /// Whether a garment's edges are finished in cloth of a fabric.
-    fn has_finished_edges(&self, fabric: &Fabric) -> bool {
-        self.edges.map_or(fabric.enlargement <= 1.0, |edges| edges == EdgeFinish::Hemmed)
     }
 
     /// The fabric of a recipe at the recipe's densities.

@@ -220,65 +220,62 @@ mod tests {
     use crate::ids::index32;
     use crate::knit::Pattern;
 
-    /// Two triangles that share the edge from vertex 0 to 2, stretched unlike.
-    fn bent() -> Panel {
+    /// Gives a test two triangles that share the edge from vertex 0 to 2, stretched unlike.
+    fn on_bent_cloth(test: impl FnOnce(StrainedPanel<'_>)) {
+        let fabric = Fabric::named("tricot").unwrap();
+        let table = StrainTable::new(&fabric, &Pattern::new(&fabric)).unwrap();
         let mut panel = Garment::rectangle(4.0, 3.0).panels.remove(0);
         panel.draped[1] += DVec3::new(0.5, -0.1, 0.6);
         panel.draped[3] += DVec3::new(0.1, 0.3, -0.4);
-        panel
+        let surface = SmoothSurface::new(&panel);
+        test(StrainedPanel { panel: &panel, surface: &surface, table: &table });
     }
 
     #[test]
     fn a_point_has_the_same_bits_alone_and_among_others() {
-        let fabric = Fabric::named("tricot").unwrap();
-        let table = StrainTable::new(&fabric, &Pattern::new(&fabric)).unwrap();
-        let panel = bent();
-        let surface = SmoothSurface::new(&panel);
-        let strained = StrainedPanel { panel: &panel, surface: &surface, table: &table };
-        // Six points in one part of a triangle, of which four are mapped together.
-        let shares = (0..6).map(|k| 0.3 + 0.05 * f64::from(k));
-        let located: Vec<_> =
-            shares.map(|b| SurfacePoint { triangle: 0, b, c: 0.65 - b / 2.0 }).collect();
-        assert!(located.iter().all(|at| part_of(at.b, at.c) == 0));
-        let flat: Vec<_> = (0..6).map(|k| DVec3::new(0.0, 0.0, 0.03 * f64::from(k))).collect();
-        let (mut all, mut alone) = (Draped::default(), Draped::default());
-        strained.map(&flat, &located, index32, &mut all);
-        for k in 0..6 {
-            let own = |_| index32(k);
-            strained.map(&flat[k..=k], &located[k..=k], own, &mut alone);
-            assert_eq!(alone.positions[0], all.positions[k], "{k}");
-            assert_eq!(alone.normals[0], all.normals[k], "{k}");
-        }
+        on_bent_cloth(|strained| {
+            // Six points in one part of a triangle, of which four are mapped together.
+            let shares = (0..6).map(|k| 0.3 + 0.05 * f64::from(k));
+            let located: Vec<_> =
+                shares.map(|b| SurfacePoint { triangle: 0, b, c: 0.65 - b / 2.0 }).collect();
+            assert!(located.iter().all(|at| part_of(at.b, at.c) == 0));
+            let flat: Vec<_> = (0..6).map(|k| DVec3::new(0.0, 0.0, 0.03 * f64::from(k))).collect();
+            let (mut all, mut alone) = (Draped::default(), Draped::default());
+            strained.map(&flat, &located, index32, &mut all);
+            for k in 0..6 {
+                let own = |_| index32(k);
+                strained.map(&flat[k..=k], &located[k..=k], own, &mut alone);
+                assert_eq!(alone.positions[0], all.positions[k], "{k}");
+                assert_eq!(alone.normals[0], all.normals[k], "{k}");
+            }
+        });
     }
 
     #[test]
     fn nothing_jumps_at_the_edge_of_two_triangles() {
-        let fabric = Fabric::named("tricot").unwrap();
-        let table = StrainTable::new(&fabric, &Pattern::new(&fabric)).unwrap();
-        let panel = bent();
-        let surface = SmoothSurface::new(&panel);
-        let shared = [panel.triangles[0], panel.triangles[1]];
-        let edge: Vec<_> = shared[0].into_iter().filter(|v| shared[1].contains(v)).collect();
-        for share in [0.0, 0.2, 0.5, 0.9] {
-            let sides = [0, 1].map(|triangle: u32| {
-                let weight = |corner: usize| {
-                    let vertex = shared[triangle as usize][corner];
-                    if vertex == edge[0] {
-                        1.0 - share
-                    } else if vertex == edge[1] {
-                        share
-                    } else {
-                        0.0
-                    }
-                };
-                let at = SurfacePoint { triangle, b: weight(1), c: weight(2) };
-                let flat = [DVec3::new(0.0, 0.0, 0.15)];
-                let mut draped = Draped::default();
-                let strained = StrainedPanel { panel: &panel, surface: &surface, table: &table };
-                strained.map(&flat, &[at], |_| 3, &mut draped);
-                draped.positions[0]
-            });
-            assert!(sides[0].distance(sides[1]) < 1e-9, "{share}: {sides:?}");
-        }
+        on_bent_cloth(|strained| {
+            let shared = [strained.panel.triangles[0], strained.panel.triangles[1]];
+            let edge: Vec<_> = shared[0].into_iter().filter(|v| shared[1].contains(v)).collect();
+            for share in [0.0, 0.2, 0.5, 0.9] {
+                let sides = [0, 1].map(|triangle: u32| {
+                    let weight = |corner: usize| {
+                        let vertex = shared[triangle as usize][corner];
+                        if vertex == edge[0] {
+                            1.0 - share
+                        } else if vertex == edge[1] {
+                            share
+                        } else {
+                            0.0
+                        }
+                    };
+                    let at = SurfacePoint { triangle, b: weight(1), c: weight(2) };
+                    let flat = [DVec3::new(0.0, 0.0, 0.15)];
+                    let mut draped = Draped::default();
+                    strained.map(&flat, &[at], |_| 3, &mut draped);
+                    draped.positions[0]
+                });
+                assert!(sides[0].distance(sides[1]) < 1e-9, "{share}: {sides:?}");
+            }
+        });
     }
 }
