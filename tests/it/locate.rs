@@ -143,6 +143,38 @@ fn grid_aligned_meshes_agree_with_brute_force_on_their_edges_and_vertices() {
 }
 
 #[test]
+fn yarns_across_holes_and_notches_agree_with_brute_force() {
+    let mut random = Random(5);
+    let mut panel = grid(30, 4.0, 0.5, &mut random);
+    // Two holes and two notches, one of them a slit that is one cell wide.
+    let is_cut = |p: DVec2| {
+        let within = |low: [f64; 2], high: [f64; 2]| {
+            p.cmpgt(DVec2::from(low)).all() && p.cmplt(DVec2::from(high)).all()
+        };
+        within([20.0, 20.0], [44.0, 36.0])
+            || within([60.0, 20.0], [68.0, 90.0])
+            || within([100.0, 50.0], [120.0, 80.0])
+            || within([30.0, 60.0], [34.0, 120.0])
+    };
+    let middle = |t: &[u32; 3]| t.iter().map(|&v| panel.uv[v as usize]).sum::<DVec2>() / 3.0;
+    panel.triangles = panel.triangles.iter().copied().filter(|t| !is_cut(middle(t))).collect();
+    panel.faces.truncate(panel.triangles.len());
+    // Rows that begin and end off the panel, far and near, on the lines of the grid and off them.
+    for (step, rise) in [(0.25, 0.0), (1.0, 0.125), (7.0, 0.0), (31.0, 0.5)] {
+        let row = |y: f64| {
+            let count = (150.0 / step) as u32;
+            (0..count).map(move |x| {
+                DVec2::new(f64::from(x) * step - 15.0, y + f64::from(x % 8) * rise).extend(0.0)
+            })
+        };
+        let points: Vec<_> = (0..60).flat_map(|y| row(f64::from(y) * 2.25 - 8.0)).collect();
+        assert_eq!(differences(&panel, &points), 0, "a point every {step} mm");
+        let on = points.iter().filter(|p| brute_force(&panel, p.truncate()).is_some()).count();
+        assert!(on > points.len() / 3 && on < points.len() * 3 / 4, "{on} of {}", points.len());
+    }
+}
+
+#[test]
 fn no_point_of_the_panel_is_lost() {
     let mut random = Random(3);
     let panel = grid(25, 4.0, 0.6, &mut random);

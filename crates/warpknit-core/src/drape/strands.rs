@@ -8,15 +8,15 @@
 //! [`Edge::Clip`] it is cut where it leaves the panel. With [`Edge::Drop`] every stitch with a
 //! point off the panel is left out as a whole.
 //!
-//! Cost: linear in the points. Lines within one triangle are not traced, and stitches that stay on
-//! the panel are copied as a whole.
+//! Cost: linear in the points. Stitches far from the border are copied many at a time, and nothing of
+//! them is traced; near it, lines within one triangle are not traced either.
 //!
 //! Not promised: clipping of the curve. Straight lines between points are clipped, and the curve is
 //! drawn through what is left.
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::ids::{YarnId, index32};
 use crate::knit::Knitted;
@@ -144,14 +144,27 @@ impl Strands {
         locator: &Locator<'_>,
         edge: Edge,
     ) {
-        let mut builder =
-            StrandBuilder { strands: self, yarn, locator, open: None, counted_as_clipped: false };
+        let mut builder = StrandBuilder {
+            strands: self,
+            yarn,
+            knitted,
+            located,
+            locator,
+            open: None,
+            counted_as_clipped: false,
+            pending: 0..0,
+            disc: Disc::default(),
+        };
         for stitch in stitches {
             let first = knitted.stitches[stitch] as usize;
             let last = knitted
                 .stitches
                 .get(stitch + 1)
                 .map_or(knitted.points.len(), |&next| next as usize);
+            if builder.add_far_from_border(first..last) {
+                continue;
+            }
+            builder.copy_pending();
             let whole = builder.count(&knitted.points[first..last], &located[first..last]);
             if edge == Edge::Drop && !whole {
                 builder.end();
@@ -160,7 +173,24 @@ impl Strands {
             builder.begin_piece();
             builder.add_stitch(first, &knitted.points[first..last], &located[first..last]);
         }
+        builder.copy_pending();
         builder.end();
+    }
+}
+
+/// A disc on the flat panel.
+#[derive(Clone, Copy, Default)]
+struct Disc {
+    middle: DVec2,
+    /// The square of its radius, mm².
+    radius_squared: f64,
+}
+
+impl Disc {
+    fn holds(&self, points: &[DVec3]) -> bool {
+        let is_inside =
+            |p: &DVec3| p.truncate().distance_squared(self.middle) < self.radius_squared;
+        points.iter().all(is_inside)
     }
 }
 
@@ -175,15 +205,59 @@ struct Last {
 struct StrandBuilder<'a, 'b> {
     strands: &'a mut Strands,
     yarn: YarnId,
+    knitted: &'a Knitted,
+    located: &'a [Option<SurfacePoint>],
     locator: &'a Locator<'b>,
     /// The previous point, on the panel or off it. Nothing at the start of the yarn and behind a
     /// stitch that was left out: then there is no line to the next point.
     open: Option<Last>,
     /// Whether the current stitch is already counted as clipped.
     counted_as_clipped: bool,
+    /// The data points of the last stitches far from the border, which are yet to be copied.
+    pending: Range<usize>,
+    /// A disc that the border doesn't meet. All points of pending stitches lie in it.
+    disc: Disc,
 }
 
 impl StrandBuilder<'_, '_> {
+    /// Takes a stitch that lies so far from the border that neither it nor the line to it can leave
+    /// the panel. That is nearly every stitch. False for any other.
+    fn add_far_from_border(&mut self, points: Range<usize>) -> bool {
+        let stitch = &self.knitted.points[points.clone()];
+        if stitch.is_empty() {
+            return false;
+        }
+        if self.pending.is_empty() || !self.disc.holds(stitch) {
+            let before = match self.open {
+                _ if !self.pending.is_empty() => self.knitted.points[self.pending.end - 1],
+                Some(Last { flat, located: Some(_) }) => flat,
+                _ => return false,
+            };
+            let room = self.locator.room(before.truncate());
+            self.disc = Disc { middle: before.truncate(), radius_squared: room * room };
+            if !self.disc.holds(stitch) {
+                return false;
+            }
+        }
+        self.strands.losses.stitches += 1;
+        self.strands.pieces.push(index32(self.strands.flat.len() + self.pending.len()));
+        let start = if self.pending.is_empty() { points.start } else { self.pending.start };
+        self.pending = start..points.end;
+        true
+    }
+
+    /// Adds the pending stitches to the current strand, all at once.
+    fn copy_pending(&mut self) {
+        let points = std::mem::take(&mut self.pending);
+        let Some(last) = points.clone().last() else { return };
+        let located = self.located[points.clone()].iter();
+        let located = located.map(|at| at.expect("far from the border is on the panel"));
+        self.strands.flat.extend_from_slice(&self.knitted.points[points.clone()]);
+        self.strands.located.extend(located);
+        self.strands.sources.extend(index32(points.start)..index32(points.end));
+        self.open = Some(Last { flat: self.knitted.points[last], located: self.located[last] });
+    }
+
     /// Counts a stitch; true if all of it lies on the panel.
     fn count(&mut self, points: &[DVec3], located: &[Option<SurfacePoint>]) -> bool {
         // A stitch without a point on the panel is not counted as lost: yarns are planned a little

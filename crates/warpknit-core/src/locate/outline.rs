@@ -30,6 +30,17 @@ const ROUNDING: f64 = 1e-6;
 /// never marked.
 const FRAME: f64 = 1.5;
 
+/// What a cell tells of its places.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    /// All on the panel.
+    On,
+    /// The border passes.
+    Border,
+    /// All off the panel.
+    Off,
+}
+
 /// A grid of cells over a panel.
 #[derive(Clone, Debug)]
 pub(super) struct Outline {
@@ -37,6 +48,8 @@ pub(super) struct Outline {
     low: DVec2,
     /// The side of a cell, mm.
     side: f64,
+    /// Cells a millimetre.
+    per_mm: f64,
     columns: usize,
     rows: usize,
     /// Chessboard distance of each cell from the border, row by row: 0 where the border passes,
@@ -67,7 +80,7 @@ impl Outline {
         }
         let low = low - FRAME * side;
         let cells = vec![i8::MAX; columns * rows];
-        let mut outline = Self { low, side, columns, rows, cells };
+        let mut outline = Self { low, side, per_mm: side.recip(), columns, rows, cells };
         let border: Vec<_> = border.iter().map(|edge| edge.map(|p| outline.place(p))).collect();
         outline.mark(&border);
         outline.spread();
@@ -79,6 +92,26 @@ impl Outline {
     #[inline]
     pub(super) fn is_off(&self, p: DVec2) -> bool {
         self.cell(p) < 0
+    }
+
+    /// On which side of the border a place lies.
+    pub(super) fn side(&self, p: DVec2) -> Side {
+        match self.cell(p) {
+            0 => Side::Border,
+            1.. => Side::On,
+            _ => Side::Off,
+        }
+    }
+
+    /// Whether a triangle of the panel reaches a cell that the border passes. Sometimes true for
+    /// one nearby that doesn't.
+    pub(super) fn may_reach_border(&self, [a, b, c]: [DVec2; 3]) -> bool {
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        // Rounding keeps the order of places. So a place in the triangle's bounding box has a cell
+        // between those of the box's corners.
+        let cells = (self.place(high).floor() - self.place(low).floor()).max_element();
+        let distance = self.cell(low).unsigned_abs();
+        f64::from(distance) <= cells || distance >= i8::MAX.unsigned_abs()
     }
 
     /// A place on the panel is at least so far from the border, mm; 0 near the border and off the
@@ -104,7 +137,7 @@ impl Outline {
     /// A place in the grid, in cells.
     #[inline]
     fn place(&self, p: DVec2) -> DVec2 {
-        (p - self.low) / self.side
+        (p - self.low) * self.per_mm
     }
 
     /// Marks the cells that edges pass, and those that they come within a rounding of.
