@@ -6,7 +6,7 @@
 
 use super::densities::{Gauge, Shown};
 use super::settings::EdgeFinish;
-use crate::edges::{Finished, Sizes, Thread, finished};
+use crate::edges::{Edges, Sizes, Thread};
 use crate::export::Format;
 use crate::garment::Garment;
 use crate::ids::index32;
@@ -36,11 +36,11 @@ pub fn has_finished_edges(chosen: Option<EdgeFinish>, is_true_gauge: bool) -> bo
     chosen.map_or(is_true_gauge, |finish| finish == EdgeFinish::Hemmed)
 }
 
-/// A garment with finished edges, for cloth of this repeat whose thickest yarn has this radius, mm.
+/// The edges of a garment, for cloth of this repeat whose thickest yarn has this radius, mm.
 #[must_use]
-pub fn finish(garment: &Garment, pattern: &Pattern, radius: f64) -> Finished {
+pub fn edges_of(garment: &Garment, pattern: &Pattern, radius: f64) -> Edges {
     let [low, high] = pattern.depths();
-    finished(garment, &Sizes { face: high + radius, back: radius - low, thread: THREAD })
+    Edges::new(garment, Sizes { face: high + radius, back: radius - low, thread: THREAD })
 }
 
 /// Adds the look of threads to a scene of the cloth that they are sewn into: that of its front bar, at

@@ -149,9 +149,6 @@ pub enum RunError {
         "--edges hemmed is for pictures, and none is asked for: name one, such as -o cloth.png"
     )]
     HemsWithoutPicture,
-    /// Hems in a sequence.
-    #[error("--edges hemmed is for one drape, and these are many: leave it out")]
-    HemsOfSequence,
     /// A loupe at a place without cloth.
     #[error(
         "--loupe {},{}: the picture shows no cloth there; choose a place on the garment, in shares \

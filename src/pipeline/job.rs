@@ -7,7 +7,7 @@ use super::settings::{Settings, Wanted};
 use super::strain_cache::StrainCache;
 use super::stretch::Stretched;
 use crate::drape::{Cloth, DrapeOptions};
-use crate::edges::Thread;
+use crate::edges::{Edges, Thread};
 use crate::fabric::Fabric;
 use crate::map::Mapping;
 use crate::tile::Tile;
@@ -26,6 +26,8 @@ pub(super) struct Job<'a> {
     /// Notes about how the cloth is shown. The report has them too.
     pub(super) notes: Vec<String>,
     pub(super) cloth: &'a Cloth<'a>,
+    /// The edges of the garment, where they are finished.
+    pub(super) edges: Option<&'a Edges>,
     /// The sewing threads of its finished edges.
     pub(super) threads: &'a [Thread],
     /// The part of the cloth that goes into files. `None` for the whole.

@@ -50,9 +50,6 @@ pub(super) fn check_settings(
     if has_loupe && (is_moving || picture.turntable.is_some()) {
         return Err(RunError::LoupeOfMany);
     }
-    if has_hems && is_moving {
-        return Err(RunError::HemsOfSequence);
-    }
     if picture.eye.is_some_and(|(eye, target)| eye == target) {
         return Err(RunError::NoDirection);
     }

@@ -44,7 +44,7 @@ mod writers;
 
 pub use clock::{Clock, Listener, Message, Task};
 pub use densities::{drawn_radius, turn_grains};
-pub use edges::{add_thread_look, add_threads, finish, has_finished_edges};
+pub use edges::{add_thread_look, add_threads, edges_of, has_finished_edges};
 pub use environment::{EnvironmentFileError, read_environment};
 pub use error::RunError;
 pub use fabric_maps::{MappedFabric, fabric_maps};

@@ -19,7 +19,7 @@ use super::stretch::pull;
 use super::summary::Done;
 use super::writers::wanted;
 use crate::drape::{self, Cloth, LayoutError, swatch_panel};
-use crate::edges::Finished;
+use crate::edges::{Edges, Finished};
 use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
 use crate::knit::Pattern;
@@ -29,8 +29,8 @@ use crate::map::Mapping;
 struct Part<'a> {
     shown: Shown<'a>,
     pattern: Pattern,
-    /// The garment with finished edges, where the files show these.
-    finished: Option<Finished>,
+    /// The garment's edges and the garment with these finished, where the files show that.
+    finished: Option<(Edges, Finished)>,
 }
 
 /// Knits a fabric onto a garment. With a `sequence`, `garment` is its first frame, and the fabric is
@@ -75,7 +75,7 @@ pub fn drape(
     let whole = shown(fabric, area, settings, outputs, sequence.is_some())?;
     let parts = parts(whole, &garment, settings, source, &mut clock)?;
     let cloths = parts.iter().map(|part| {
-        let garment = part.finished.as_ref().map_or(&garment, |finished| &finished.garment);
+        let garment = part.finished.as_ref().map_or(&garment, |(_, finished)| &finished.garment);
         Cloth::cover_with(garment, &part.shown.fabric, part.pattern.clone())
             .map_err(|error| misfit(error, source))
     });
@@ -96,7 +96,8 @@ pub fn drape(
                 notes: notes.chain(lengths_note(cloth, &options)).collect(),
                 part: settings.tile.map(|tile| (tile, cloth.part(tile))),
                 cloth,
-                threads: part.finished.as_ref().map_or(&[], |finished| &finished.threads),
+                edges: part.finished.as_ref().map(|(edges, _)| edges),
+                threads: part.finished.as_ref().map_or(&[], |(_, finished)| &finished.threads),
                 options,
                 area: area_of(cloth.garment()),
                 source,
@@ -105,9 +106,9 @@ pub fn drape(
             }
         })
         .collect();
-    match (sequence, jobs.as_slice()) {
-        (Some(sequence), [job]) => sequence::make(job, sequence, clock),
-        _ => make(&jobs, clock),
+    match sequence {
+        Some(sequence) => sequence::make(&jobs, sequence, clock),
+        None => make(&jobs, clock),
     }
 }
 
@@ -125,7 +126,11 @@ fn parts<'a>(
         Cloth::check_sizes(garment, &cloth.fabric).map_err(|error| misfit(error, source))?;
         let pattern = relaxed(&cloth.fabric, clock);
         for (shown, has_edges) in edges::divided(cloth, settings.picture.edges) {
-            let finished = has_edges.then(|| edges::finish(garment, &pattern, radius));
+            let finished = has_edges.then(|| {
+                let edges = edges::edges_of(garment, &pattern, radius);
+                let finished = edges.finish(garment);
+                (edges, finished)
+            });
             parts.push(Part { shown, pattern: pattern.clone(), finished });
         }
     }
@@ -176,6 +181,7 @@ pub fn swatch(
         notes: Vec::new(),
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
+        edges: None,
         threads: &[],
         options: flat_options(&settings),
         area,

@@ -1,16 +1,17 @@
 //! `warpknit drape` of a drape sequence. The fabric is knitted and located once, then mapped onto
 //! every frame.
 //!
-//! In: a [`Job`] on the first frame, and a [`Sequence`]. Out: files and [`Done`]. Most formats have
+//! In: [`Job`]s on the first frame, and a [`Sequence`]. Out: files and [`Done`]. Most formats have
 //! one file for each frame. These are numbered like the frames and appear frame by frame, so they
 //! stay if a run of hours ends early. A `.usda` or `.usdc` has all frames and appears at the end,
-//! as the report does.
+//! as the report does. Pictures with finished edges are a job of their own, and are made first.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use crate::drape::sequence::LocatedCloth;
 use crate::drape::{Block, DrapeOptions, Totals};
+use crate::edges::{Finished, Thread};
 use crate::export::usda_frames::UsdaFramesWriter;
 use crate::export::usdc::UsdcWriter;
 use crate::export::{ClothInfo, Destination, ExportError, Format, Output, Sink};
@@ -25,6 +26,7 @@ use glam::{DVec3, Vec3};
 
 use super::RunError;
 use super::clock::{Clock, Task};
+use super::edges;
 use super::estimates::float;
 use super::job::Job;
 use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
@@ -74,7 +76,26 @@ struct Files {
     whole: Vec<Wanted>,
 }
 
-/// The state of a run from frame to frame.
+/// A job that may be made.
+struct Prepared<'a> {
+    job: &'a Job<'a>,
+    files: Files,
+    setup: Setup,
+    wants_picture: bool,
+}
+
+/// What the jobs of a run have in common.
+struct Gathered<'a> {
+    messages: Messages,
+    /// Name of the renderer. Empty without a picture.
+    drawn_by: String,
+    clock: Clock<'a>,
+    /// Whether the report has the present job's numbers. The time of pictures stays out of those of
+    /// files that are made after them.
+    is_last: bool,
+}
+
+/// The state of a job from frame to frame.
 struct Show<'a, 'b, 'c> {
     job: &'a Job<'a>,
     setup: &'a Setup,
@@ -88,93 +109,123 @@ struct Show<'a, 'b, 'c> {
     /// Points of all frames where the cloth is strained too far, panel by panel.
     panels: Vec<StrainCounts>,
     strain: StrainCounts,
-    drawn_by: String,
-    messages: Messages,
-    clock: &'b mut Clock<'c>,
+    all: &'b mut Gathered<'c>,
 }
 
 /// Knits once, then draws and writes every frame.
 pub(super) fn make(
-    job: &Job<'_>,
+    jobs: &[Job<'_>],
     sequence: &Sequence<'_>,
-    mut clock: Clock<'_>,
+    clock: Clock<'_>,
 ) -> Result<Done, RunError> {
-    let files = Files::new(job.outputs.clone(), index32(sequence.paths.len()));
-    let wants_picture = files.numbered.iter().any(|(_, format)| *format == Format::Png);
-    check(job, sequence, wants_picture)?;
-    let setup = Setup::new(job, &files.all())?;
-    check_places(job, files.all().iter(), &setup.textures)?;
-    let mut warnings = setup.first_warnings(job);
-    let sizes = notes::sizes(job, false, None, &setup);
-    warnings.extend(sequence.motion.bad.iter().map(|what| format!("left out: {what}")));
-
-    let wants_extent = wants_picture && job.settings.picture.eye.is_none();
-    let extent = if wants_extent { extent(sequence, job, &mut clock)? } else { Vec::new() };
-    let info = ClothInfo {
-        usd_curves: job.settings.usd_curves,
-        ..ClothInfo::from_fabric(job.shown, setup.section)
-    };
-    let usd = files.whole.iter().filter_map(|wanted| Moving::create(wanted, &info, sequence));
-    let usd = usd.collect::<Result<Vec<_>, ExportError>>()?;
-    let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
-    reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
-    // Location is the same for all frames, because it only depends on the flat panels. Pictures beside
-    // other files show the yarns of these, so their stitches are regular.
-    let is_only_drawn = files.all().iter().all(|(_, format)| *format == Format::Png);
-    let options = if is_only_drawn { &job.options } else { &setup.options };
-    let located = LocatedCloth::locate(job.cloth, options, &mut |stage, done| {
-        clock.begin(Task::from(stage), done);
-    });
-    check_laid(located.totals())?;
-    warnings.extend(loss_warning(located.totals()));
-    let mut messages = Messages::default();
-    messages.warn(warnings, &clock);
-    messages.note(sizes.into_iter().chain(job.notes.iter().cloned()), &clock);
-
-    clock.begin(Task::Strain, 0.0);
-    let cache = job.cache();
-    let scene = wants_picture.then(|| setup.scene(job));
-    let drawn_by = String::new();
-    let mut show = Show {
-        job,
-        setup: &setup,
-        located,
-        files: &files,
-        usd,
-        scene,
-        extent,
-        panels: vec![StrainCounts::default(); job.cloth.garment().panels.len()],
-        strain: StrainCounts::default(),
-        drawn_by,
-        messages,
-        clock: &mut clock,
-    };
-    let frames = show.all(sequence)?;
-    if let Some(locked) = locked_warning(&show.panels, job.cloth.garment()) {
-        show.warn(locked);
+    let prepared = jobs.iter().map(|job| Prepared::new(job, sequence));
+    let prepared = prepared.collect::<Result<Vec<_>, _>>()?;
+    let mut all =
+        Gathered { messages: Messages::default(), drawn_by: String::new(), clock, is_last: false };
+    let (mut parts, mut frames) = (Vec::new(), None);
+    for (number, one) in prepared.iter().enumerate() {
+        all.is_last = number + 1 == prepared.len();
+        let (laid, shown) = one.make(sequence, &mut all)?;
+        parts.push(laid);
+        frames = Some((shown, sequence.paths.len()));
     }
-    cache.keep(job.cloth);
-    let Show { located, usd, strain, drawn_by, messages, .. } = show;
-    clock.begin(Task::Write, 1.0);
-    let usd = usd.into_iter().map(Moving::finish);
-    let mut finished = usd.collect::<Result<Vec<_>, _>>()?;
-    clock.stop();
-    let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
-    let totals = Totals { strain, ..*located.totals() };
-    let summary = RunSummary {
-        setup: &setup,
-        totals: &totals,
-        draped: None,
-        messages,
-        drawn_by,
-        picture: None,
-        frames,
-    };
-    finished.extend(summary.files(job, &files.whole, &clock)?.0);
-    finished.into_iter().try_for_each(Output::publish)?;
-    let frames = Some((shown, sequence.paths.len()));
-    let parts = vec![Laid { totals, whole: None, files: files.names() }];
     Ok(Done { parts, frames, real: None, stretched: None })
+}
+
+impl<'a> Prepared<'a> {
+    /// Prepares a job, or refuses it.
+    fn new(job: &'a Job<'a>, sequence: &Sequence<'_>) -> Result<Self, RunError> {
+        let files = Files::new(job.outputs.clone(), index32(sequence.paths.len()));
+        let wants_picture = files.numbered.iter().any(|(_, format)| *format == Format::Png);
+        check(job, sequence, wants_picture)?;
+        let setup = Setup::new(job, &files.all())?;
+        check_places(job, files.all().iter(), &setup.textures)?;
+        let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
+        reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
+        Ok(Self { job, files, setup, wants_picture })
+    }
+
+    /// Makes the files of all frames. Returns what was laid, and the number of frames.
+    fn make(
+        &self,
+        sequence: &Sequence<'_>,
+        all: &mut Gathered<'_>,
+    ) -> Result<(Laid, usize), RunError> {
+        let Self { job, files, setup, wants_picture } = self;
+        let mut warnings = setup.first_warnings(job);
+        let sizes = notes::sizes(job, false, None, setup);
+        warnings.extend(sequence.motion.bad.iter().map(|what| format!("left out: {what}")));
+        let wants_extent = *wants_picture && job.settings.picture.eye.is_none();
+        let extent = if wants_extent { extent(sequence, job, &mut all.clock)? } else { Vec::new() };
+        let info = ClothInfo {
+            usd_curves: job.settings.usd_curves,
+            ..ClothInfo::from_fabric(job.shown, setup.section)
+        };
+        let usd = files.whole.iter().filter_map(|wanted| Moving::create(wanted, &info, sequence));
+        let usd = usd.collect::<Result<Vec<_>, ExportError>>()?;
+        let located = self.locate(all);
+        check_laid(located.totals())?;
+        warnings.extend(loss_warning(located.totals()));
+        all.messages.warn(warnings, &all.clock);
+        all.messages.note(sizes.into_iter().chain(job.notes.iter().cloned()), &all.clock);
+
+        all.begin(Task::Strain, 0.0);
+        let cache = job.cache();
+        let mut show = Show {
+            job,
+            setup,
+            located,
+            files,
+            usd,
+            scene: wants_picture.then(|| setup.scene(job)),
+            extent,
+            panels: vec![StrainCounts::default(); job.cloth.garment().panels.len()],
+            strain: StrainCounts::default(),
+            all,
+        };
+        let frames = show.all(sequence)?;
+        if let Some(locked) = locked_warning(&show.panels, job.cloth.garment()) {
+            show.warn(locked);
+        }
+        cache.keep(job.cloth);
+        let Show { located, usd, strain, all, .. } = show;
+        all.begin(Task::Write, 1.0);
+        let usd = usd.into_iter().map(Moving::finish);
+        let mut finished = usd.collect::<Result<Vec<_>, _>>()?;
+        all.clock.stop();
+        let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
+        let totals = Totals { strain, ..*located.totals() };
+        let summary = RunSummary {
+            setup,
+            totals: &totals,
+            draped: None,
+            messages: all.messages.clone(),
+            drawn_by: all.drawn_by.clone(),
+            picture: None,
+            frames,
+        };
+        finished.extend(summary.files(job, &files.whole, &all.clock)?.0);
+        finished.into_iter().try_for_each(Output::publish)?;
+        Ok((Laid { totals, whole: None, files: files.names() }, shown))
+    }
+
+    /// Knits and locates the yarns. Location is the same for all frames, because it only depends on
+    /// the flat panels.
+    fn locate(&self, all: &mut Gathered<'_>) -> LocatedCloth {
+        // Pictures beside other files show the yarns of these, so their stitches are regular.
+        let is_only_drawn = self.files.all().iter().all(|(_, format)| *format == Format::Png);
+        let options = if is_only_drawn { &self.job.options } else { &self.setup.options };
+        LocatedCloth::locate(self.job.cloth, options, &mut |stage, done| {
+            all.begin(Task::from(stage), done);
+        })
+    }
+}
+
+impl Gathered<'_> {
+    /// Begins a task of the present job.
+    fn begin(&mut self, task: Task, done: f64) {
+        self.clock.begin(if self.is_last { task } else { Task::Render }, done);
+    }
 }
 
 /// A writer of all frames.
@@ -303,11 +354,11 @@ impl Show<'_, '_, '_> {
     /// Makes the files of all frames. Returns the report's entry for each frame.
     fn all(&mut self, sequence: &Sequence<'_>) -> Result<Vec<FrameReport>, RunError> {
         let Sequence { motion, paths, .. } = sequence;
-        let mut garment = self.job.cloth.garment().clone();
+        let mut garment = unfinished(self.job);
         let mut frames: Vec<_> =
             paths.iter().zip(&motion.bad).map(|(path, what)| left_out(path, what)).collect();
         for (number, path) in paths.iter().enumerate().skip(motion.first) {
-            self.clock.begin(Task::Read, 0.0);
+            self.all.begin(Task::Read, 0.0);
             // The garment is the first usable frame already.
             if number > motion.first {
                 match motion.reader.pose(&mut garment, path) {
@@ -320,11 +371,17 @@ impl Show<'_, '_, '_> {
                     Err(error) => return Err(error.into()),
                 }
             }
-            self.frame(&garment, number)?;
+            match self.job.edges {
+                Some(edges) => {
+                    let Finished { garment, threads } = edges.finish(&garment);
+                    self.frame(&garment, &threads, number)?;
+                }
+                None => self.frame(&garment, &[], number)?,
+            }
             // The clock runs through, so a frame's time is what the frames before it leave.
             let before: f64 = frames.iter().map(|frame: &FrameReport| frame.ms).sum();
             let (stretch_warp, stretch_weft) = stretch(&garment.panels);
-            let ms = self.clock.without_pictures() - before;
+            let ms = self.all.clock.without_pictures() - before;
             frames.push(FrameReport {
                 file: path.display().to_string(),
                 skipped: None,
@@ -338,19 +395,24 @@ impl Show<'_, '_, '_> {
 
     /// Tells the listener a warning and keeps it for the report.
     fn warn(&mut self, what: String) {
-        self.messages.warn([what], self.clock);
+        self.all.messages.warn([what], &self.all.clock);
     }
 
-    /// Makes a frame's files.
-    fn frame(&mut self, garment: &Garment, number: usize) -> Result<(), RunError> {
-        let Self { job, setup, located, files, usd, scene, panels, strain, clock, .. } = self;
+    /// Makes a frame's files. `threads` are those of the garment's finished edges.
+    fn frame(
+        &mut self,
+        garment: &Garment,
+        threads: &[Thread],
+        number: usize,
+    ) -> Result<(), RunError> {
+        let Self { job, setup, located, files, usd, scene, panels, strain, all, .. } = self;
         let own = files.of_frame(number);
         let mut sinks = sinks(&own, job, setup, &garment.panels)?;
         usd.iter_mut().try_for_each(|usd| usd.begin_frame(index32(number + 1)))?;
         if let Some(scene) = scene {
             scene.clear();
         }
-        let clock = RefCell::new(clock);
+        let all = RefCell::new(all);
         let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
             blocks.iter().for_each(|block| panels[block.panel] += block.strain);
             if let Some(scene) = scene {
@@ -363,31 +425,40 @@ impl Show<'_, '_, '_> {
         *strain += located.run_frame(
             garment,
             options,
-            &mut |stage, done| clock.borrow_mut().begin(Task::from(stage), done),
+            &mut |stage, done| all.borrow_mut().begin(Task::from(stage), done),
             &mut deliver,
         )?;
-        self.clock.begin(Task::Write, 1.0);
+        self.all.begin(Task::Write, 1.0);
         let mut whole = finished(sinks)?;
         let paths: Vec<_> = own
             .iter()
             .filter(|(_, format)| *format == Format::Png)
             .map(|(path, _)| path.as_path())
             .collect();
-        if let (Some(scene), false) = (&self.scene, paths.is_empty()) {
+        if let (Some(scene), false) = (&mut self.scene, paths.is_empty()) {
+            edges::add_threads(scene, threads);
             // A camera with a place of its own needs none.
             let extent = self.extent.as_slice();
             let fibres = self.setup.fibres.as_ref();
             let set = set::of(self.job, garment, number, extent)?;
             let mut pictures = Pictures::new(set);
-            pictures.draw(self.job, scene, fibres, (extent, None), &paths, self.clock)?;
+            let clock = &mut self.all.clock;
+            pictures.draw(self.job, scene, fibres, (extent, None), &paths, clock)?;
             whole.extend(pictures.files);
-            self.drawn_by = pictures.drawn_by;
-            self.messages.note(pictures.notice, self.clock);
+            self.all.drawn_by = pictures.drawn_by;
+            self.all.messages.note(pictures.notice, &self.all.clock);
         }
-        self.clock.stop();
+        self.all.clock.stop();
         // The files of this frame are complete: they appear now, whatever happens to later frames.
         Ok(whole.into_iter().try_for_each(Output::publish)?)
     }
+}
+
+/// The garment of a job as its files have it, without the cloth that finished edges turn in.
+fn unfinished(job: &Job<'_>) -> Garment {
+    let mut garment = job.cloth.garment().clone();
+    garment.panels.retain(|panel| panel.turned_in.is_none());
+    garment
 }
 
 /// Points around all frames, for one camera that sees each of them. They are the outermost points
@@ -400,7 +471,7 @@ fn extent(
     clock: &mut Clock<'_>,
 ) -> Result<Vec<Vec3>, RunError> {
     clock.begin(Task::Render, 0.0);
-    let (mut garment, reach) = (job.cloth.garment().clone(), job.shown.wale_spacing());
+    let (mut garment, reach) = (unfinished(job), job.shown.wale_spacing());
     let mut extent = outermost(&garment, reach);
     for path in &sequence.paths[sequence.motion.first + 1..] {
         match sequence.motion.reader.pose(&mut garment, path) {

@@ -191,7 +191,7 @@ impl ClothSource {
         Cloth::check_sizes(&garment, fabric).with_context(label)?;
         let pattern = Pattern::new(fabric);
         let finished = pipeline::has_finished_edges(self.edges, fabric.enlargement <= 1.0)
-            .then(|| pipeline::finish(&garment, &pattern, radius));
+            .then(|| pipeline::edges_of(&garment, &pattern, radius).finish(&garment));
         let garment = finished.as_ref().map_or(&*garment, |finished| &finished.garment);
         let cloth = Cloth::cover_with(garment, fabric, pattern).with_context(label)?;
         let mut knitted = self.lay(&cloth, fabric, radius, recipe, clock, superseded)?;

@@ -61,38 +61,56 @@ pub struct Finished {
     pub threads: Vec<Thread>,
 }
 
-/// Finishes all edges of a garment.
-///
-/// ```
-/// use warpknit_core::edges::{Sizes, finished};
-/// use warpknit_core::garment::Garment;
-/// let sizes = Sizes { face: 0.25, back: 0.25, thread: 0.1 };
-/// let finished = finished(&Garment::rectangle(300.0, 200.0), &sizes);
-/// // A hem on each side, each with three threads.
-/// assert_eq!((finished.garment.panels.len(), finished.threads.len()), (1 + 4, 3 * 4));
-/// ```
-#[must_use]
-pub fn finished(garment: &Garment, sizes: &Sizes) -> Finished {
-    let locators: Vec<_> = garment.panels.par_iter().map(Locator::new).collect();
-    let runs = runs(&garment.panels, &locators);
-    let sheets: Vec<_> = (garment.panels.par_iter().zip(&locators).enumerate())
-        .map(|(number, (panel, locator))| Sheet::new(number, panel, locator))
-        .collect();
-    let all: Vec<_> = sheets
-        .iter()
-        .zip(&runs)
-        .flat_map(|(sheet, runs)| runs.iter().map(move |run| (sheet, runs, run)))
-        .collect();
-    let edges: Vec<_> = all
-        .par_iter()
-        .map(|(sheet, runs, run)| FinishedEdge::new(sheet, run, runs, sizes))
-        .collect();
-    let mut finished = Finished { garment: garment.clone(), threads: Vec::new() };
-    for FinishedEdge { band, threads } in edges {
-        finished.garment.panels.extend(band);
-        finished.threads.extend(threads);
+/// What a garment's edges are, open or sewn, and how they are finished. It is the same in all drapes
+/// of a garment, so a hem stays a hem where cloth touches cloth in some of them.
+#[derive(Clone, Debug)]
+pub struct Edges {
+    /// Of each panel.
+    runs: Vec<Vec<Run>>,
+    sizes: Sizes,
+}
+
+impl Edges {
+    /// The edges of a garment.
+    #[must_use]
+    pub fn new(garment: &Garment, sizes: Sizes) -> Self {
+        let locators: Vec<_> = garment.panels.par_iter().map(Locator::new).collect();
+        Self { runs: runs(&garment.panels, &locators), sizes }
     }
-    finished
+
+    /// Finishes all edges of the garment, in this drape or another one.
+    ///
+    /// ```
+    /// use warpknit_core::edges::{Edges, Sizes};
+    /// use warpknit_core::garment::Garment;
+    /// let garment = Garment::rectangle(300.0, 200.0);
+    /// let edges = Edges::new(&garment, Sizes { face: 0.25, back: 0.25, thread: 0.1 });
+    /// let finished = edges.finish(&garment);
+    /// // A hem on each side, each with three threads.
+    /// assert_eq!((finished.garment.panels.len(), finished.threads.len()), (1 + 4, 3 * 4));
+    /// ```
+    #[must_use]
+    pub fn finish(&self, garment: &Garment) -> Finished {
+        let locators: Vec<_> = garment.panels.par_iter().map(Locator::new).collect();
+        let sheets: Vec<_> = (garment.panels.par_iter().zip(&locators).enumerate())
+            .map(|(number, (panel, locator))| Sheet::new(number, panel, locator))
+            .collect();
+        let all: Vec<_> = sheets
+            .iter()
+            .zip(&self.runs)
+            .flat_map(|(sheet, runs)| runs.iter().map(move |run| (sheet, runs, run)))
+            .collect();
+        let edges: Vec<_> = all
+            .par_iter()
+            .map(|(sheet, runs, run)| FinishedEdge::new(sheet, run, runs, &self.sizes))
+            .collect();
+        let mut finished = Finished { garment: garment.clone(), threads: Vec::new() };
+        for FinishedEdge { band, threads } in edges {
+            finished.garment.panels.extend(band);
+            finished.threads.extend(threads);
+        }
+        finished
+    }
 }
 
 /// A finished edge.

@@ -45,6 +45,10 @@ fn garment(panels: Vec<Panel>) -> Garment {
     Garment { panels, ..Garment::rectangle(1.0, 1.0) }
 }
 
+fn finish(garment: &Garment, sizes: &Sizes) -> Finished {
+    Edges::new(garment, *sizes).finish(garment)
+}
+
 /// Width and height of the panels that were added.
 fn added(garment: &Garment) -> Vec<[i64; 2]> {
     let panels = garment.panels.iter().filter(|panel| panel.turned_in.is_some());
@@ -54,7 +58,7 @@ fn added(garment: &Garment) -> Vec<[i64; 2]> {
 
 #[test]
 fn a_hem_lies_behind_its_panel_and_goes_on_in_its_pattern() {
-    let finished = finished(&garment(vec![grid(DVec2::ZERO, [60, 40], flat)]), &SIZES);
+    let finished = finish(&garment(vec![grid(DVec2::ZERO, [60, 40], flat)]), &SIZES);
     assert_eq!(added(&finished.garment), [[300, 20], [20, 200], [300, 20], [20, 200]]);
     for panel in &finished.garment.panels[1..] {
         assert!(panel.area() > 0.99 * panel.size().x * panel.size().y);
@@ -82,7 +86,7 @@ fn a_tube_has_two_hems_and_one_seam() {
         let (sin, cos) = (p.x / radius).sin_cos();
         (DVec3::new(radius * sin, p.y, radius * cos), DVec3::new(sin, 0.0, cos))
     };
-    let finished = finished(&garment(vec![grid(DVec2::ZERO, [60, 40], tube)]), &SIZES);
+    let finished = finish(&garment(vec![grid(DVec2::ZERO, [60, 40], tube)]), &SIZES);
     let mut sizes = added(&finished.garment);
     sizes.sort_unstable();
     assert_eq!(sizes, [[5, 200], [5, 200], [300, 20], [300, 20]]);
@@ -101,10 +105,30 @@ fn a_tube_has_two_hems_and_one_seam() {
 }
 
 #[test]
+fn a_hem_stays_a_hem_in_a_drape_where_it_touches_cloth() {
+    let radius = 300.0 / TAU;
+    let tube = |p: DVec2| {
+        let (sin, cos) = (p.x / radius).sin_cos();
+        (DVec3::new(radius * sin, p.y, radius * cos), DVec3::new(sin, 0.0, cos))
+    };
+    let [open, closed] = [
+        garment(vec![grid(DVec2::ZERO, [60, 40], flat)]),
+        garment(vec![grid(DVec2::ZERO, [60, 40], tube)]),
+    ];
+    let edges = Edges::new(&open, SIZES);
+    let [open, closed] = [&open, &closed].map(|garment| edges.finish(garment).garment);
+    assert_eq!(added(&closed), [[300, 20], [20, 200], [300, 20], [20, 200]]);
+    for (panel, moved) in open.panels.iter().zip(&closed.panels) {
+        assert_eq!((&panel.uv, &panel.triangles), (&moved.uv, &moved.triangles));
+        assert_ne!(panel.draped, moved.draped);
+    }
+}
+
+#[test]
 fn a_narrow_band_that_is_sewn_on_is_doubled() {
     // Its lower edge lies on the upper edge of the other panel.
     let band = grid(DVec2::new(0.0, 200.0), [60, 5], flat);
-    let finished = finished(&garment(vec![grid(DVec2::ZERO, [60, 40], flat), band]), &SIZES);
+    let finished = finish(&garment(vec![grid(DVec2::ZERO, [60, 40], flat), band]), &SIZES);
     let sizes = added(&finished.garment);
     assert!(sizes.contains(&[300, 25]), "{sizes:?}");
     assert!(sizes.iter().filter(|size| **size == [300, 5]).count() >= 2, "{sizes:?}");
@@ -112,7 +136,7 @@ fn a_narrow_band_that_is_sewn_on_is_doubled() {
 
 #[test]
 fn needles_lie_on_the_face_and_go_through() {
-    let finished = finished(&garment(vec![grid(DVec2::ZERO, [60, 40], flat)]), &SIZES);
+    let finished = finish(&garment(vec![grid(DVec2::ZERO, [60, 40], flat)]), &SIZES);
     let heights: Vec<f64> = finished.threads[0].iter().map(|(place, _)| place.z).collect();
     let [low, high] =
         [f64::min, f64::max].map(|pick| heights.iter().copied().reduce(pick).unwrap());
@@ -132,7 +156,7 @@ fn sheet(corners: [[f64; 2]; 4]) -> Panel {
 fn long_edges_are_not_sewn_to_themselves() {
     for side in [60.0, 300.0] {
         let square = sheet([[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]]);
-        let finished = finished(&garment(vec![square]), &SIZES);
+        let finished = finish(&garment(vec![square]), &SIZES);
         assert_eq!((finished.garment.panels.len(), finished.threads.len()), (5, 12), "{side}");
     }
 }
@@ -142,7 +166,7 @@ fn slanted_edges_turn_in_as_much_cloth_as_straight_ones() {
     let (sin, cos) = 0.53_f64.sin_cos();
     let turned = |x: f64, y: f64| [x * cos - y * sin, x * sin + y * cos];
     let corners = [turned(0.0, 0.0), turned(300.0, 0.0), turned(300.0, 200.0), turned(0.0, 200.0)];
-    let finished = finished(&garment(vec![sheet(corners)]), &SIZES);
+    let finished = finish(&garment(vec![sheet(corners)]), &SIZES);
     let areas = finished.garment.panels[1..].iter().map(Panel::area);
     for (area, length) in areas.zip([300.0, 200.0, 300.0, 200.0]) {
         assert!((area / (20.0 * length) - 1.0).abs() < 0.002, "{area} of {length}");
@@ -153,7 +177,7 @@ fn slanted_edges_turn_in_as_much_cloth_as_straight_ones() {
 fn short_runs_between_slanted_borders_keep_their_lengths() {
     // A parallelogram with sides of 30 mm, shorter than the turns at their two ends.
     let tab = sheet([[0.0, 0.0], [30.0, 0.0], [90.0, 150.0], [60.0, 150.0]]);
-    let finished = finished(&garment(vec![tab]), &SIZES);
+    let finished = finish(&garment(vec![tab]), &SIZES);
     for panel in &finished.garment.panels[1..] {
         for &[a, b, c] in &panel.triangles {
             let [a, b, c] = [a, b, c].map(|vertex| vertex as usize);
@@ -175,7 +199,7 @@ fn slits_and_small_holes_stay_raw_and_large_ones_are_hemmed() {
         let kept = (0..panel.triangles.len()).filter(|at| !(is_in(at / 2) && drop(*at)));
         panel.triangles = kept.map(|at| panel.triangles[at]).collect();
         panel.faces.truncate(panel.triangles.len());
-        finished(&garment(vec![panel]), &SIZES).garment.panels.len() - 1
+        finish(&garment(vec![panel]), &SIZES).garment.panels.len() - 1
     };
     assert_eq!(hole(20..22, |_| true), 4);
     assert_eq!(hole(10..30, |_| true), 4 + 4);
@@ -184,7 +208,7 @@ fn slits_and_small_holes_stay_raw_and_large_ones_are_hemmed() {
     let lost = panel.triangles.swap_remove(0);
     panel.flipped.push(lost);
     panel.faces.pop();
-    let finished = finished(&garment(vec![panel]), &SIZES);
+    let finished = finish(&garment(vec![panel]), &SIZES);
     assert!(finished.garment.panels.len() > 4 && finished.threads.len() >= 12);
 }
 
@@ -193,7 +217,7 @@ fn wales_go_on_round_the_fold() {
     let fabric = crate::fabric::Fabric::named("tricot").unwrap();
     // Sides that are no whole numbers of wales and courses.
     let panel = sheet([[0.3, 0.1], [200.0, 0.1], [200.0, 150.0], [0.3, 150.0]]);
-    let finished = finished(&garment(vec![panel]), &SIZES);
+    let finished = finish(&garment(vec![panel]), &SIZES);
     let cloth = crate::drape::Cloth::cover(&finished.garment, &fabric).unwrap();
     let origins: Vec<DVec2> = cloth.origins().collect();
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
@@ -214,9 +238,9 @@ fn cloth_without_shape_has_no_edges_to_finish() {
     flipped.flipped = flipped.triangles.split_off(64);
     let mut empty = grid(DVec2::ZERO, [8, 8], flat);
     empty.triangles.clear();
-    let finished = finished(&garment(vec![lost, empty]), &SIZES);
+    let finished = finish(&garment(vec![lost, empty]), &SIZES);
     assert_eq!((finished.garment.panels.len(), finished.threads.len()), (2, 0));
-    let finished = super::finished(&garment(vec![collapsed, flipped]), &SIZES);
+    let finished = finish(&garment(vec![collapsed, flipped]), &SIZES);
     for panel in &finished.garment.panels[2..] {
         assert!(panel.draped.iter().all(|place| place.is_finite()));
     }
