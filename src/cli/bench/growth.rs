@@ -29,7 +29,7 @@ const ONCE: usize = 100_000;
 /// St and Sr of the tubes that are made and discarded.
 const SECTION: (u32, u32) = (10, 5);
 
-const COLUMNS: [Column; 15] = [
+const COLUMNS: [Column; 17] = [
     ("stitches", "stitches"),
     ("triangles", "triangles"),
     ("lay_out_ms", "lay out,\nms"),
@@ -42,6 +42,8 @@ const COLUMNS: [Column; 15] = [
     ("from", "from"),
     ("to", "to"),
     ("cpu_ms", "all,\ncpu ms"),
+    ("samples_ms", ""),
+    ("cpu_samples_ms", ""),
     ("runs", "runs"),
     ("peak_mb", "peak,\nMB"),
     ("resident_mb", "held after,\nMB"),

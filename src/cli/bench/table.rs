@@ -147,7 +147,7 @@ impl Table {
     /// Adds a row with a cell for each column.
     pub(super) fn push(&mut self, row: impl IntoIterator<Item = TableCell>) {
         let row: Vec<_> = row.into_iter().collect();
-        debug_assert_eq!(row.len(), self.columns.len(), "a cell a column");
+        assert_eq!(row.len(), self.columns.len(), "a cell a column");
         self.rows.push(row);
     }
 

@@ -110,8 +110,7 @@ impl Outline {
         // Rounding keeps the order of places. So a place in the triangle's bounding box has a cell
         // between those of the box's corners.
         let cells = (self.place(high).floor() - self.place(low).floor()).max_element();
-        let distance = self.cell(low).unsigned_abs();
-        f64::from(distance) <= cells || distance >= i8::MAX.unsigned_abs()
+        f64::from(self.cell(low).unsigned_abs()) <= cells
     }
 
     /// A place on the panel is at least so far from the border, mm; 0 near the border and off the
@@ -244,6 +243,28 @@ mod tests {
         let beyond =
             [f64::MAX, f64::NEG_INFINITY, f64::NAN].map(|x| outline.is_off(DVec2::splat(x)));
         assert_eq!(beyond, [true; 3]);
+    }
+
+    #[test]
+    fn triangles_that_hold_places_at_the_border_are_told_from_those_far_within() {
+        let bounds = [DVec2::splat(-50.0), DVec2::splat(50.0)];
+        // On the fine grid some places are more cells from the border than a cell can tell.
+        for triangles in [2000, 250_000] {
+            let outline = Outline::new(bounds, triangles, &ring()).unwrap();
+            let (mut reach, mut within) = (0, 0);
+            for step in 0..10_000_u32 {
+                let p = DVec2::new(f64::from(step % 100), f64::from(step / 100)) - 49.5;
+                let corners = [p, p + DVec2::new(0.9, 0.2), p + DVec2::new(-0.3, 0.7)];
+                let may_reach = outline.may_reach_border(corners);
+                let places =
+                    [corners[0], corners[1], corners[2], corners.iter().sum::<DVec2>() / 3.0];
+                let holds_border = places.iter().any(|&p| outline.side(p) == Side::Border);
+                assert!(may_reach || !holds_border, "{p}");
+                reach += u32::from(may_reach);
+                within += u32::from(!may_reach && outline.side(p) == Side::On);
+            }
+            assert!(reach > 300 && within > 3000, "{reach} reach it, {within} lie within");
+        }
     }
 
     #[test]
