@@ -109,7 +109,7 @@ struct Show<'a, 'b, 'c> {
     /// Points of all frames where the cloth is strained too far, panel by panel.
     panels: Vec<StrainCounts>,
     strain: StrainCounts,
-    all: &'b mut Gathered<'c>,
+    common: &'b mut Gathered<'c>,
 }
 
 /// Knits once, then draws and writes every frame.
@@ -120,12 +120,12 @@ pub(super) fn make(
 ) -> Result<Done, RunError> {
     let prepared = jobs.iter().map(|job| Prepared::new(job, sequence));
     let prepared = prepared.collect::<Result<Vec<_>, _>>()?;
-    let mut all =
+    let mut common =
         Gathered { messages: Messages::default(), drawn_by: String::new(), clock, is_last: false };
     let (mut parts, mut frames) = (Vec::new(), None);
     for (number, one) in prepared.iter().enumerate() {
-        all.is_last = number + 1 == prepared.len();
-        let (laid, shown) = one.make(sequence, &mut all)?;
+        common.is_last = number + 1 == prepared.len();
+        let (laid, shown) = one.make(sequence, &mut common)?;
         parts.push(laid);
         frames = Some((shown, sequence.paths.len()));
     }
@@ -140,8 +140,7 @@ impl<'a> Prepared<'a> {
         check(job, sequence, wants_picture)?;
         let setup = Setup::new(job, &files.all())?;
         check_places(job, files.all().iter(), &setup.textures)?;
-        let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
-        reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
+        files.first().try_for_each(Output::check)?;
         Ok(Self { job, files, setup, wants_picture })
     }
 
@@ -149,27 +148,28 @@ impl<'a> Prepared<'a> {
     fn make(
         &self,
         sequence: &Sequence<'_>,
-        all: &mut Gathered<'_>,
+        common: &mut Gathered<'_>,
     ) -> Result<(Laid, usize), RunError> {
         let Self { job, files, setup, wants_picture } = self;
         let mut warnings = setup.first_warnings(job);
         let sizes = notes::sizes(job, false, None, setup);
         warnings.extend(sequence.motion.bad.iter().map(|what| format!("left out: {what}")));
         let wants_extent = *wants_picture && job.settings.picture.eye.is_none();
-        let extent = if wants_extent { extent(sequence, job, &mut all.clock)? } else { Vec::new() };
+        let extent =
+            if wants_extent { extent(sequence, job, &mut common.clock)? } else { Vec::new() };
         let info = ClothInfo {
             usd_curves: job.settings.usd_curves,
             ..ClothInfo::from_fabric(job.shown, setup.section)
         };
         let usd = files.whole.iter().filter_map(|wanted| Moving::create(wanted, &info, sequence));
         let usd = usd.collect::<Result<Vec<_>, ExportError>>()?;
-        let located = self.locate(all);
+        let located = self.locate(common);
         check_laid(located.totals())?;
         warnings.extend(loss_warning(located.totals()));
-        all.messages.warn(warnings, &all.clock);
-        all.messages.note(sizes.into_iter().chain(job.notes.iter().cloned()), &all.clock);
+        common.messages.warn(warnings, &common.clock);
+        common.messages.note(sizes.into_iter().chain(job.notes.iter().cloned()), &common.clock);
 
-        all.begin(Task::Strain, 0.0);
+        common.begin(Task::Strain, 0.0);
         let cache = job.cache();
         let mut show = Show {
             job,
@@ -181,42 +181,43 @@ impl<'a> Prepared<'a> {
             extent,
             panels: vec![StrainCounts::default(); job.cloth.garment().panels.len()],
             strain: StrainCounts::default(),
-            all,
+            common,
         };
         let frames = show.all(sequence)?;
         if let Some(locked) = locked_warning(&show.panels, job.cloth.garment()) {
             show.warn(locked);
         }
         cache.keep(job.cloth);
-        let Show { located, usd, strain, all, .. } = show;
-        all.begin(Task::Write, 1.0);
+        let Show { located, usd, strain, common, .. } = show;
+        common.begin(Task::Write, 1.0);
         let usd = usd.into_iter().map(Moving::finish);
         let mut finished = usd.collect::<Result<Vec<_>, _>>()?;
-        all.clock.stop();
+        common.clock.stop();
         let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
         let totals = Totals { strain, ..*located.totals() };
         let summary = RunSummary {
             setup,
             totals: &totals,
             draped: None,
-            messages: all.messages.clone(),
-            drawn_by: all.drawn_by.clone(),
+            messages: common.messages.clone(),
+            drawn_by: common.drawn_by.clone(),
             picture: None,
             frames,
         };
-        finished.extend(summary.files(job, &files.whole, &all.clock)?.0);
+        finished.extend(summary.files(job, &files.whole, &common.clock)?.0);
         finished.into_iter().try_for_each(Output::publish)?;
         Ok((Laid { totals, whole: None, files: files.names() }, shown))
     }
 
     /// Knits and locates the yarns. Location is the same for all frames, because it only depends on
     /// the flat panels.
-    fn locate(&self, all: &mut Gathered<'_>) -> LocatedCloth {
-        // Pictures beside other files show the yarns of these, so their stitches are regular.
+    fn locate(&self, common: &mut Gathered<'_>) -> LocatedCloth {
+        // Pictures that are made with other files show the yarns of these, so their stitches are
+        // regular.
         let is_only_drawn = self.files.all().iter().all(|(_, format)| *format == Format::Png);
         let options = if is_only_drawn { &self.job.options } else { &self.setup.options };
         LocatedCloth::locate(self.job.cloth, options, &mut |stage, done| {
-            all.begin(Task::from(stage), done);
+            common.begin(Task::from(stage), done);
         })
     }
 }
@@ -323,6 +324,12 @@ impl Files {
         numbered.chain(self.whole.iter().cloned()).collect()
     }
 
+    /// The first file of each format. The others lie beside it.
+    fn first(&self) -> impl Iterator<Item = &Path> {
+        let numbered = self.numbered.iter().filter_map(|(paths, _)| paths.first());
+        numbered.chain(self.whole.iter().map(|(path, _)| path)).map(PathBuf::as_path)
+    }
+
     /// The files of one frame.
     fn of_frame(&self, number: usize) -> Vec<Wanted> {
         self.numbered.iter().map(|(paths, format)| (paths[number].clone(), *format)).collect()
@@ -358,7 +365,7 @@ impl Show<'_, '_, '_> {
         let mut frames: Vec<_> =
             paths.iter().zip(&motion.bad).map(|(path, what)| left_out(path, what)).collect();
         for (number, path) in paths.iter().enumerate().skip(motion.first) {
-            self.all.begin(Task::Read, 0.0);
+            self.common.begin(Task::Read, 0.0);
             // The garment is the first usable frame already.
             if number > motion.first {
                 match motion.reader.pose(&mut garment, path) {
@@ -381,7 +388,7 @@ impl Show<'_, '_, '_> {
             // The clock runs through, so a frame's time is what the frames before it leave.
             let before: f64 = frames.iter().map(|frame: &FrameReport| frame.ms).sum();
             let (stretch_warp, stretch_weft) = stretch(&garment.panels);
-            let ms = self.all.clock.without_pictures() - before;
+            let ms = self.common.clock.without_pictures() - before;
             frames.push(FrameReport {
                 file: path.display().to_string(),
                 skipped: None,
@@ -395,7 +402,7 @@ impl Show<'_, '_, '_> {
 
     /// Tells the listener a warning and keeps it for the report.
     fn warn(&mut self, what: String) {
-        self.all.messages.warn([what], &self.all.clock);
+        self.common.messages.warn([what], &self.common.clock);
     }
 
     /// Makes a frame's files. `threads` are those of the garment's finished edges.
@@ -405,14 +412,14 @@ impl Show<'_, '_, '_> {
         threads: &[Thread],
         number: usize,
     ) -> Result<(), RunError> {
-        let Self { job, setup, located, files, usd, scene, panels, strain, all, .. } = self;
+        let Self { job, setup, located, files, usd, scene, panels, strain, common, .. } = self;
         let own = files.of_frame(number);
         let mut sinks = sinks(&own, job, setup, &garment.panels)?;
         usd.iter_mut().try_for_each(|usd| usd.begin_frame(index32(number + 1)))?;
         if let Some(scene) = scene {
             scene.clear();
         }
-        let all = RefCell::new(all);
+        let common = RefCell::new(common);
         let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
             blocks.iter().for_each(|block| panels[block.panel] += block.strain);
             if let Some(scene) = scene {
@@ -425,10 +432,10 @@ impl Show<'_, '_, '_> {
         *strain += located.run_frame(
             garment,
             options,
-            &mut |stage, done| all.borrow_mut().begin(Task::from(stage), done),
+            &mut |stage, done| common.borrow_mut().begin(Task::from(stage), done),
             &mut deliver,
         )?;
-        self.all.begin(Task::Write, 1.0);
+        self.common.begin(Task::Write, 1.0);
         let mut whole = finished(sinks)?;
         let paths: Vec<_> = own
             .iter()
@@ -442,13 +449,13 @@ impl Show<'_, '_, '_> {
             let fibres = self.setup.fibres.as_ref();
             let set = set::of(self.job, garment, number, extent)?;
             let mut pictures = Pictures::new(set);
-            let clock = &mut self.all.clock;
+            let clock = &mut self.common.clock;
             pictures.draw(self.job, scene, fibres, (extent, None), &paths, clock)?;
             whole.extend(pictures.files);
-            self.all.drawn_by = pictures.drawn_by;
-            self.all.messages.note(pictures.notice, &self.all.clock);
+            self.common.drawn_by = pictures.drawn_by;
+            self.common.messages.note(pictures.notice, &self.common.clock);
         }
-        self.all.clock.stop();
+        self.common.clock.stop();
         // The files of this frame are complete: they appear now, whatever happens to later frames.
         Ok(whole.into_iter().try_for_each(Output::publish)?)
     }

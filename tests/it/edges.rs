@@ -95,6 +95,20 @@ fn each_picture_of_a_sequence_has_the_hems_of_its_drape() {
 }
 
 #[test]
+fn a_file_of_a_sequence_that_cannot_be_written_is_refused_before_its_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let [flat, draped] = ["tube_flat.obj", "tube_draped.obj"].map(mesh);
+    for file in ["nowhere/a.csv", "nowhere/a.usda", "nowhere/a.json"] {
+        let mut command = warpknit(folder.path());
+        command.arg("drape").args([&flat, &draped, &draped]);
+        command.args(["--enlarge", "8", "--edges", "hemmed", "-o", "a.png", "-o", file]);
+        let told = command.assert().code(1).get_output().stderr.clone();
+        assert!(String::from_utf8_lossy(&told).contains("nowhere"), "{file}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "{file}");
+    }
+}
+
+#[test]
 fn hems_without_a_picture_are_refused() {
     let path = |name: &str| mesh(name).display().to_string();
     let (flat, draped) = (path("tube_flat.obj"), path("tube_draped.obj"));

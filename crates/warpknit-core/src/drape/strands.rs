@@ -251,6 +251,7 @@ impl StrandBuilder<'_, '_> {
         let points = std::mem::take(&mut self.pending);
         let Some(last) = points.clone().last() else { return };
         let located = self.located[points.clone()].iter();
+        // Location is exact: no place within the border is without a triangle.
         let located = located.map(|at| at.expect("far from the border is on the panel"));
         self.strands.flat.extend_from_slice(&self.knitted.points[points.clone()]);
         self.strands.located.extend(located);

@@ -77,7 +77,7 @@ pub(super) fn runs(panels: &[Panel], locators: &[Locator<'_>]) -> Vec<Vec<Run>> 
 
 /// The closed curves of a panel's border. One that defects leave open is left out.
 fn loops(panel: &Panel, locator: &Locator<'_>) -> Vec<Vec<BorderEdge>> {
-    let mut border = locator.border();
+    let mut border: Vec<_> = locator.border().collect();
     let sides = panel.flipped.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
     let defects: HashSet<[u32; 2]> = sides.flat_map(|[a, b]| [[a, b], [b, a]]).collect();
     border.sort_unstable();

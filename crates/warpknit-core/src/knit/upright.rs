@@ -9,9 +9,10 @@
 
 use glam::DVec2;
 
+use super::Pattern;
 use super::lattice::WaleLattice;
+use super::making::DRAFT_RADIUS;
 use super::stitch::StitchLayout;
-use super::{DRAFT_RADIUS, Pattern};
 use crate::fabric::Fabric;
 
 impl Pattern {

@@ -18,9 +18,10 @@
 //! 3. Where the walk cannot decide, a coarse grid tells whether the point is off the panel or near
 //!    its border (`outline`). Near the border, a BVH over the triangles there gives all candidates
 //!    (`bvh`).
-//! 4. Where the panel overlaps itself, or a walk is lost, a BVH over all triangles does.
+//! 4. A BVH over all triangles serves panels that overlap themselves or have no outline, points on
+//!    inner corners, and walks that are lost.
 //!
-//! Cost: 5 to 13 ns a point, on a machine where Embree's packets of rays take 23 to 33 ns
+//! Cost: 5 to 13 ns a point, on a machine where Embree's packets of rays take 23 to 35 ns
 //! (`benches/against_peers.sh`); more where a triangle holds few points. Before the first point
 //! some 0.1 µs a triangle, half of it for the order of triangles in memory, once a garment.
 
@@ -91,12 +92,12 @@ pub struct Locator<'a> {
     max_steps: usize,
     /// Where walks to places far away start.
     starts: Starts,
-    /// Made on first use, for an embedded panel.
-    outline: OnceLock<Option<Outline>>,
-    /// A tree over the triangles near the border, with their indices. Made on first use, for an
-    /// embedded panel with an outline.
-    fringe: OnceLock<Option<(Bvh2, Vec<u32>)>>,
-    /// A tree over all triangles. Made on first use, for an embedded panel.
+    /// `None` for a panel that overlaps itself or has too long a border.
+    outline: Option<Outline>,
+    /// A tree over the triangles near the border of a panel with an outline, and their indices.
+    fringe: Option<(Bvh2, Vec<u32>)>,
+    /// A tree over all triangles. Made on first use for a panel with an outline, which rarely needs
+    /// it.
     bvh: OnceLock<Option<Bvh2>>,
     /// A tree over [`Panel::flipped`].
     flipped: Option<Bvh2>,
@@ -130,8 +131,9 @@ impl<'a> Locator<'a> {
         // triangulation that is not Delaunay (Devillers, Pion and Teillaud 2002); the limit ends
         // it.
         let max_steps = 32 + 4 * triangles.len().isqrt();
-        // A panel without walks searches for each point.
-        let bvh = if embedded {
+        let outline = if embedded { outline_of(panel, &triangles) } else { None };
+        let fringe = outline.as_ref().and_then(|outline| fringe_of(panel, outline));
+        let bvh = if outline.is_some() {
             OnceLock::new()
         } else {
             OnceLock::from(boxes_bvh(&panel.uv, &panel.triangles))
@@ -142,8 +144,8 @@ impl<'a> Locator<'a> {
             embedded,
             max_steps,
             starts: Starts::new(panel.bounds(), &panel.uv, &panel.triangles),
-            outline: OnceLock::new(),
-            fringe: OnceLock::new(),
+            outline,
+            fringe,
             bvh,
             flipped: boxes_bvh(&panel.uv, &panel.flipped),
         }
@@ -216,7 +218,7 @@ impl<'a> Locator<'a> {
     /// Counts the points from the first on that are surely off an embedded panel. Yarns are planned a
     /// little longer than the panel.
     fn skip_off(&self, points: &[DVec3], located: &mut [Option<SurfacePoint>]) -> usize {
-        let Some(outline) = self.outline() else { return 0 };
+        let Some(outline) = &self.outline else { return 0 };
         let off = points.iter().take_while(|p| outline.is_off(p.truncate())).count();
         located[..off].fill(None);
         off
@@ -238,7 +240,7 @@ impl<'a> Locator<'a> {
         if let Walk::Found(found) = self.walk(p, triangle) {
             return Some(found);
         }
-        match self.outline().map(|outline| outline.side(p)) {
+        match self.outline.as_ref().map(|outline| outline.side(p)) {
             Some(Side::Off) => None,
             Some(Side::Border) => self.search_fringe(p),
             _ => {
@@ -255,7 +257,7 @@ impl<'a> Locator<'a> {
     #[inline]
     #[must_use]
     pub fn room(&self, p: DVec2) -> f64 {
-        self.outline().map_or(0.0, |outline| outline.room(p))
+        self.outline.as_ref().map_or(0.0, |outline| outline.room(p))
     }
 
     /// Whether the straight path from a point on the panel is too short to reach the border.
@@ -267,33 +269,9 @@ impl<'a> Locator<'a> {
         from.distance_squared(to) < room * room
     }
 
-    /// The outline of an embedded panel, if it has one.
-    #[inline]
-    fn outline(&self) -> Option<&Outline> {
-        if !self.embedded {
-            return None;
-        }
-        let outline = self.outline.get_or_init(|| {
-            let place = |vertex: u32| self.panel.uv[vertex as usize];
-            let border: Vec<_> =
-                self.border().into_iter().map(|(edge, _)| edge.map(place)).collect();
-            Outline::new(self.panel.bounds(), self.triangles.len(), &border)
-        });
-        outline.as_ref()
-    }
-
     /// The border's edges by their vertices, with the panel to their left, and their triangles.
-    pub(crate) fn border(&self) -> Vec<([u32; 2], u32)> {
-        let mut border = Vec::new();
-        for ((triangle, &corners), BarycentricTriangle { neighbours, .. }) in
-            (0..).zip(&self.panel.triangles).zip(&self.triangles)
-        {
-            for i in (0..3).filter(|&i| neighbours[i] == BORDER) {
-                let (a, b) = edge(corners, i);
-                border.push(([a, b], triangle));
-            }
-        }
-        border
+    pub(crate) fn border(&self) -> impl Iterator<Item = ([u32; 2], u32)> {
+        border_of(self.panel, &self.triangles)
     }
 
     /// Whether `p` lies in a triangle with the opposite orientation of its panel, where nothing can
@@ -360,24 +338,15 @@ impl<'a> Locator<'a> {
 
     /// Searches all triangles for those that hold `p`, and gives the first in the file.
     fn search(&self, p: DVec2) -> Option<u32> {
-        let bvh = made(&self.bvh, || boxes_bvh(&self.panel.uv, &self.panel.triangles)).as_ref()?;
+        let Panel { uv, triangles, .. } = self.panel;
+        let bvh = self.bvh.get_or_init(|| apart(|| boxes_bvh(uv, triangles))).as_ref()?;
         self.first_candidate(bvh, p, |triangle| triangle)
     }
 
     /// The same for a place in a cell of the outline that the border passes.
     fn search_fringe(&self, p: DVec2) -> Option<u32> {
-        let (bvh, indices) = made(&self.fringe, || self.make_fringe()).as_ref()?;
+        let (bvh, indices) = self.fringe.as_ref()?;
         self.first_candidate(bvh, p, |number| indices[number as usize])
-    }
-
-    /// The tree over the triangles that may hold a place in such a cell, and their indices.
-    fn make_fringe(&self) -> Option<(Bvh2, Vec<u32>)> {
-        let (outline, Panel { uv, triangles, .. }) = (self.outline()?, self.panel);
-        let is_near =
-            |corners: &[u32; 3]| outline.may_reach_border(corners.map(|v| uv[v as usize]));
-        let near = (0..).zip(triangles).filter(|(_, corners)| is_near(corners));
-        let (indices, corners): (Vec<u32>, Vec<_>) = near.unzip();
-        boxes_bvh(uv, &corners).map(|bvh| (bvh, indices))
     }
 
     /// Of the triangles in a tree that hold `p`, the first in the file.
@@ -433,18 +402,47 @@ fn crosses_of(uv: &[DVec2], [a, b, c]: [u32; 3], p: DVec2) -> [f64; 3] {
     crosses(p, uv[a as usize], uv[b as usize], uv[c as usize])
 }
 
-/// What is made when it is first asked for.
+/// The border's edges by their vertices, with the panel to their left, and their triangles.
+fn border_of(
+    panel: &Panel,
+    triangles: &[BarycentricTriangle],
+) -> impl Iterator<Item = ([u32; 2], u32)> {
+    let all = (0..).zip(&panel.triangles).zip(triangles);
+    all.flat_map(|((triangle, &corners), BarycentricTriangle { neighbours, .. })| {
+        let border = (0..3).filter(|&i| neighbours[i] == BORDER);
+        border.map(move |i| (edge(corners, i).into(), triangle))
+    })
+}
+
+/// The outline of a panel that covers no place twice, if it has one.
+fn outline_of(panel: &Panel, triangles: &[BarycentricTriangle]) -> Option<Outline> {
+    let place = |vertex: u32| panel.uv[vertex as usize];
+    let border: Vec<_> = border_of(panel, triangles).map(|(edge, _)| edge.map(place)).collect();
+    Outline::new(panel.bounds(), triangles.len(), &border)
+}
+
+/// The tree over the triangles that may hold a place in a cell that the border passes, and their
+/// indices.
+fn fringe_of(panel: &Panel, outline: &Outline) -> Option<(Bvh2, Vec<u32>)> {
+    let Panel { uv, triangles, .. } = panel;
+    let is_near = |corners: &[u32; 3]| outline.may_reach_border(corners.map(|v| uv[v as usize]));
+    let near = (0..).zip(triangles).filter(|(_, corners)| is_near(corners));
+    let (indices, corners): (Vec<u32>, Vec<_>) = near.unzip();
+    boxes_bvh(uv, &corners).map(|bvh| (bvh, indices))
+}
+
+/// Does work on a thread of its own, and all of it there.
 ///
-/// Not by `get_or_init`: the builder of trees may work on all threads. One that waits for the others
-/// could begin another piece of work that asks for the same tree, and would wait for itself. So
-/// threads that ask at once each make it, and one of them keeps it.
-fn made<T>(lock: &OnceLock<T>, make: impl FnOnce() -> T) -> &T {
-    match lock.get() {
-        Some(made) => made,
-        None => {
-            let new = make();
-            lock.get_or_init(|| new)
-        }
+/// The builder of trees works on all threads of a pool. One that waits for the others may begin
+/// another piece of work, here one that needs the tree that it is building: it would wait for itself.
+fn apart<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+        // A thread of another pool would take up its work while it waits for `install`.
+        Ok(pool) => std::thread::scope(|scope| {
+            scope.spawn(|| pool.install(work)).join().expect("the work doesn't panic")
+        }),
+        // The system gives no thread; so there are no others to wait for either.
+        Err(_) => work(),
     }
 }
 

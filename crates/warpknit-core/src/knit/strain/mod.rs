@@ -29,8 +29,10 @@ use std::collections::BTreeSet;
 use glam::{DMat2, DVec2};
 
 use super::chain::ControlChain;
+use super::making::yarn_length;
+use super::relax::YarnLength;
 use super::repeat::RepeatYarn;
-use super::{Pattern, YarnLength, as_vec, yarn_length};
+use super::{Pattern, as_vec};
 use crate::fabric::{Fabric, Structure};
 use link_check::LinkCheck;
 use rest::{Rest, RestYarn};
