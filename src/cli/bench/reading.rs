@@ -32,18 +32,13 @@ const LARGE_RUNS: u32 = 3;
 /// How a garment is given, with its number of files.
 const WAYS: [(&str, u32); 3] = [("pair", 2), ("one file with vt", 1), ("pair in random order", 2)];
 
+const TITLE: &str = "Reading garments: a folded cone of 1200 x 700 mm";
+
 /// Measures the table.
 pub(super) fn reading(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
-    let title = "Reading garments: a folded cone of 1200 x 700 mm";
-    let mut table = Table::new(
-        "reading",
-        title,
-        &["All of reading, from files to panels; both files of a pair are read at once."],
-        [("triangles", "triangles"), ("files", "files"), ("mb", "MB")],
-    );
-    table.add_columns(TIMES.into_iter().chain([("ns", "ns a triangle\nand file")]));
+    let mut table = empty_table();
     let ways = WAYS.map(|(way, _)| Series::ours(way));
-    let mut plot = Plot::new(title, "triangles", "time, ms", ways);
+    let mut plot = Plot::new(TITLE, "triangles", "time, ms", ways);
     for (at, triangles) in TRIANGLES.into_iter().enumerate() {
         progress(at as f64 / TRIANGLES.len() as f64);
         let runs = if triangles < LARGE { arguments.runs } else { LARGE_RUNS.min(arguments.runs) };
@@ -52,6 +47,17 @@ pub(super) fn reading(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resul
     }
     table.plots.push(plot);
     Ok(table)
+}
+
+fn empty_table() -> Table {
+    let mut table = Table::new(
+        "reading",
+        TITLE,
+        &["All of reading, from files to panels; both files of a pair are read at once."],
+        [("triangles", "triangles"), ("files", "files"), ("mb", "MB")],
+    );
+    table.add_columns(TIMES.into_iter().chain([("ns", "ns a triangle\nand file")]));
+    table
 }
 
 /// Adds the rows of a garment of about so many triangles. Returns their number and the medians, ms.
@@ -126,8 +132,7 @@ mod tests {
 
     #[test]
     fn all_ways_of_giving_a_garment_are_read_and_timed() {
-        let mut table = Table::new("reading", "", &[], []);
-        table.add_columns([("", ""); 8]);
+        let mut table = empty_table();
         let (count, medians) = push(&mut table, 200, 1).unwrap();
         assert!(count.abs_diff(200) < 20 && medians.iter().all(|ms| *ms > 0.0), "{medians:?}");
     }
