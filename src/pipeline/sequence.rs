@@ -77,7 +77,7 @@ struct Files {
 }
 
 /// A job that may be made.
-struct Prepared<'a> {
+struct PreparedSequence<'a> {
     job: &'a Job<'a>,
     files: Files,
     setup: Setup,
@@ -85,7 +85,7 @@ struct Prepared<'a> {
 }
 
 /// What the jobs of a run have in common.
-struct Gathered<'a> {
+struct SequenceRun<'a> {
     messages: Messages,
     /// Name of the renderer. Empty without a picture.
     drawn_by: String,
@@ -109,7 +109,7 @@ struct Show<'a, 'b, 'c> {
     /// Points of all frames where the cloth is strained too far, panel by panel.
     panels: Vec<StrainCounts>,
     strain: StrainCounts,
-    common: &'b mut Gathered<'c>,
+    common: &'b mut SequenceRun<'c>,
 }
 
 /// Knits once, then draws and writes every frame.
@@ -118,10 +118,14 @@ pub(super) fn make(
     sequence: &Sequence<'_>,
     clock: Clock<'_>,
 ) -> Result<Done, RunError> {
-    let prepared = jobs.iter().map(|job| Prepared::new(job, sequence));
+    let prepared = jobs.iter().map(|job| PreparedSequence::new(job, sequence));
     let prepared = prepared.collect::<Result<Vec<_>, _>>()?;
-    let mut common =
-        Gathered { messages: Messages::default(), drawn_by: String::new(), clock, is_last: false };
+    let mut common = SequenceRun {
+        messages: Messages::default(),
+        drawn_by: String::new(),
+        clock,
+        is_last: false,
+    };
     let (mut parts, mut frames) = (Vec::new(), None);
     for (number, one) in prepared.iter().enumerate() {
         common.is_last = number + 1 == prepared.len();
@@ -132,7 +136,7 @@ pub(super) fn make(
     Ok(Done { parts, frames, real: None, stretched: None })
 }
 
-impl<'a> Prepared<'a> {
+impl<'a> PreparedSequence<'a> {
     /// Prepares a job, or refuses it.
     fn new(job: &'a Job<'a>, sequence: &Sequence<'_>) -> Result<Self, RunError> {
         let files = Files::new(job.outputs.clone(), index32(sequence.paths.len()));
@@ -148,7 +152,7 @@ impl<'a> Prepared<'a> {
     fn make(
         &self,
         sequence: &Sequence<'_>,
-        common: &mut Gathered<'_>,
+        common: &mut SequenceRun<'_>,
     ) -> Result<(Laid, usize), RunError> {
         let Self { job, files, setup, wants_picture } = self;
         let mut warnings = setup.first_warnings(job);
@@ -211,7 +215,7 @@ impl<'a> Prepared<'a> {
 
     /// Knits and locates the yarns. Location is the same for all frames, because it only depends on
     /// the flat panels.
-    fn locate(&self, common: &mut Gathered<'_>) -> LocatedCloth {
+    fn locate(&self, common: &mut SequenceRun<'_>) -> LocatedCloth {
         // Pictures that are made with other files show the yarns of these, so their stitches are
         // regular.
         let is_only_drawn = self.files.all().iter().all(|(_, format)| *format == Format::Png);
@@ -222,7 +226,7 @@ impl<'a> Prepared<'a> {
     }
 }
 
-impl Gathered<'_> {
+impl SequenceRun<'_> {
     /// Begins a task of the present job.
     fn begin(&mut self, task: Task, done: f64) {
         self.clock.begin(if self.is_last { task } else { Task::Render }, done);

@@ -153,7 +153,7 @@ impl Strands {
             open: None,
             counted_as_clipped: false,
             pending: 0..0,
-            disc: Disc::default(),
+            disc: FreeDisc::default(),
         };
         for stitch in stitches {
             let first = knitted.stitches[stitch] as usize;
@@ -180,13 +180,13 @@ impl Strands {
 
 /// A disc on the flat panel.
 #[derive(Clone, Copy, Default)]
-struct Disc {
+struct FreeDisc {
     middle: DVec2,
     /// The square of its radius, mm².
     radius_squared: f64,
 }
 
-impl Disc {
+impl FreeDisc {
     fn holds(&self, points: &[DVec3]) -> bool {
         let is_inside =
             |p: &DVec3| p.truncate().distance_squared(self.middle) < self.radius_squared;
@@ -216,7 +216,7 @@ struct StrandBuilder<'a, 'b> {
     /// The data points of the last stitches far from the border, which are yet to be copied.
     pending: Range<usize>,
     /// A disc that the border doesn't meet. All points of pending stitches lie in it.
-    disc: Disc,
+    disc: FreeDisc,
 }
 
 impl StrandBuilder<'_, '_> {
@@ -234,7 +234,7 @@ impl StrandBuilder<'_, '_> {
                 _ => return false,
             };
             let room = self.locator.room(before.truncate());
-            self.disc = Disc { middle: before.truncate(), radius_squared: room * room };
+            self.disc = FreeDisc { middle: before.truncate(), radius_squared: room * room };
             if !self.disc.holds(stitch) {
                 return false;
             }

@@ -1,6 +1,6 @@
 //! The borders of panels: which of them were sewn to another, and which are open.
 //!
-//! In: the panels of a garment, each with its [`Locator`]. Out: [`Run`]s, stretches of border that are
+//! In: the panels of a garment, each with its [`Locator`]. Out: [`BorderRun`]s, stretches of border that are
 //! sewn or open along their whole length and have no corner inside.
 //!
 //! Borders without area, such as slits along defects, and small holes are left out.
@@ -48,7 +48,7 @@ struct BorderEdge {
 
 /// A stretch of border.
 #[derive(Clone, Debug)]
-pub(super) struct Run {
+pub(super) struct BorderRun {
     /// Its vertices in order, with the panel to the left. A closed one has its first vertex again at
     /// its end.
     pub(super) vertices: Vec<u32>,
@@ -61,7 +61,7 @@ pub(super) struct Run {
 }
 
 /// The runs of each panel.
-pub(super) fn runs(panels: &[Panel], locators: &[Locator<'_>]) -> Vec<Vec<Run>> {
+pub(super) fn runs(panels: &[Panel], locators: &[Locator<'_>]) -> Vec<Vec<BorderRun>> {
     let mut borders: Vec<_> =
         panels.iter().zip(locators).map(|(panel, locator)| loops(panel, locator)).collect();
     let segments = BorderSegments::new(panels, &borders);
@@ -212,7 +212,7 @@ fn around([x, y, z]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
 }
 
 /// Cuts a closed border into runs.
-fn cut(panel: &Panel, edges: &[BorderEdge]) -> Vec<Run> {
+fn cut(panel: &Panel, edges: &[BorderEdge]) -> Vec<BorderRun> {
     let edges = mended(panel, edges);
     let way = |edge: &BorderEdge| {
         let [a, b] = edge.ends.map(|vertex| panel.uv[vertex as usize]);
@@ -239,10 +239,10 @@ fn cut(panel: &Panel, edges: &[BorderEdge]) -> Vec<Run> {
 }
 
 /// A run of consecutive edges, counted around the border.
-fn run(edges: &[BorderEdge], range: std::ops::Range<usize>, beyond: Option<[u32; 2]>) -> Run {
+fn run(edges: &[BorderEdge], range: std::ops::Range<usize>, beyond: Option<[u32; 2]>) -> BorderRun {
     let first = edges[range.start % edges.len()];
     let ends = range.map(|at| edges[at % edges.len()].ends[1]);
-    Run {
+    BorderRun {
         vertices: std::iter::once(first.ends[0]).chain(ends).collect(),
         triangle: first.triangle,
         beyond,

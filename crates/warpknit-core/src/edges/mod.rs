@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 use crate::garment::{Garment, Panel};
 use crate::locate::Locator;
-use border::{Run, from_segment, runs};
+use border::{BorderRun, from_segment, runs};
 use rail::{Rail, Sheet};
 pub use thread::Thread;
 
@@ -66,7 +66,7 @@ pub struct Finished {
 #[derive(Clone, Debug)]
 pub struct Edges {
     /// Of each panel.
-    runs: Vec<Vec<Run>>,
+    runs: Vec<Vec<BorderRun>>,
     sizes: Sizes,
 }
 
@@ -133,7 +133,7 @@ enum TurnedEdge {
 
 impl FinishedEdge {
     /// Finishes a run of a panel's border. `all` are all of the panel's.
-    fn new(sheet: &Sheet<'_>, run: &Run, all: &[Run], sizes: &Sizes) -> Self {
+    fn new(sheet: &Sheet<'_>, run: &BorderRun, all: &[BorderRun], sizes: &Sizes) -> Self {
         let rail = Rail::new(sheet, run, HEM, NARROW * HEM);
         let finish = TurnedEdge::of(sheet, run, &rail, all);
         let wanted = match finish {
@@ -169,7 +169,7 @@ impl FinishedEdge {
 }
 
 impl TurnedEdge {
-    fn of(sheet: &Sheet<'_>, run: &Run, rail: &Rail, all: &[Run]) -> Self {
+    fn of(sheet: &Sheet<'_>, run: &BorderRun, rail: &Rail, all: &[BorderRun]) -> Self {
         let reach = rail.median_reach();
         let is_narrow = reach < NARROW * HEM;
         if run.is_sewn {
@@ -193,7 +193,7 @@ impl TurnedEdge {
 }
 
 /// Whether a flat place lies at a sewn border of its panel.
-fn is_sewn_at(panel: &Panel, runs: &[Run], place: DVec2) -> bool {
+fn is_sewn_at(panel: &Panel, runs: &[BorderRun], place: DVec2) -> bool {
     let vertex = |vertex: u32| panel.uv[vertex as usize].extend(0.0);
     let mut sewn = runs.iter().filter(|run| run.is_sewn).flat_map(|run| run.vertices.windows(2));
     sewn.any(|ends| from_segment(place.extend(0.0), [vertex(ends[0]), vertex(ends[1])]) < AT_BORDER)

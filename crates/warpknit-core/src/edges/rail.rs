@@ -1,6 +1,6 @@
 //! A run of border as a rail along which cloth is turned in and threads are sewn.
 //!
-//! In: a panel with its [`Locator`], and a [`Run`]. Out: a [`Rail`], places along the run with the way
+//! In: a panel with its [`Locator`], and a [`BorderRun`]. Out: a [`Rail`], places along the run with the way
 //! into the panel at each, and how deep the panel is there.
 //!
 //! Method: the way in is across the run. At an end where another run begins it follows that run's
@@ -10,7 +10,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::border::Run;
+use super::border::BorderRun;
 use crate::garment::Panel;
 use crate::locate::Locator;
 use crate::map::surface::{SmoothSurface, part_of};
@@ -88,7 +88,7 @@ impl<'a> Sheet<'a> {
 impl Rail {
     /// The rail of a run, with depths up to `deepest`. At its ends the way in turns within `turning`
     /// mm, from along the border there to across the run.
-    pub(super) fn new(sheet: &Sheet<'_>, run: &Run, turning: f64, deepest: f64) -> Self {
+    pub(super) fn new(sheet: &Sheet<'_>, run: &BorderRun, turning: f64, deepest: f64) -> Self {
         let mut stations = along(sheet.panel, run);
         turn_ends(sheet.panel, run, turning, &mut stations);
         for station in &mut stations {
@@ -127,7 +127,7 @@ impl Rail {
 }
 
 /// Stations along a run, with the way in across it.
-fn along(panel: &Panel, run: &Run) -> Vec<Station> {
+fn along(panel: &Panel, run: &BorderRun) -> Vec<Station> {
     let places: Vec<DVec2> = run.vertices.iter().map(|&vertex| panel.uv[vertex as usize]).collect();
     // Edges of no length have no direction.
     let edges: Vec<[DVec2; 2]> =
@@ -173,7 +173,7 @@ fn along(panel: &Panel, run: &Run) -> Vec<Station> {
 }
 
 /// Turns the way in at both ends of a run until it follows the border beyond.
-fn turn_ends(panel: &Panel, run: &Run, turning: f64, stations: &mut [Station]) {
+fn turn_ends(panel: &Panel, run: &BorderRun, turning: f64, stations: &mut [Station]) {
     let (Some(beyond), [first, .., last]) = (run.beyond, &*stations) else { return };
     let (first, last) = (*first, *last);
     for (end, vertex, sign) in [(first, beyond[0], 1.0), (last, beyond[1], -1.0)] {

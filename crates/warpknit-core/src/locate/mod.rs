@@ -43,7 +43,7 @@ use crate::garment::Panel;
 use crate::ids::FaceId;
 use bvh::{outer_box, tree, visit_boxes};
 use orient2d::crosses;
-use outline::{Outline, Side};
+use outline::{BorderSide, Outline};
 use starts::Starts;
 use topology::{BORDER, Topology, edge};
 pub use trace::Traced;
@@ -241,8 +241,8 @@ impl<'a> Locator<'a> {
             return Some(found);
         }
         match self.outline.as_ref().map(|outline| outline.side(p)) {
-            Some(Side::Off) => None,
-            Some(Side::Border) => self.search_fringe(p),
+            Some(BorderSide::Off) => None,
+            Some(BorderSide::Border) => self.search_fringe(p),
             _ => {
                 *triangle = self.starts.near(p);
                 if let Walk::Found(found) = self.walk(p, triangle) {

@@ -32,7 +32,7 @@ const FRAME: f64 = 1.5;
 
 /// What a cell tells of its places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
+pub(super) enum BorderSide {
     /// All on the panel.
     On,
     /// The border passes.
@@ -95,11 +95,11 @@ impl Outline {
     }
 
     /// On which side of the border a place lies.
-    pub(super) fn side(&self, p: DVec2) -> Side {
+    pub(super) fn side(&self, p: DVec2) -> BorderSide {
         match self.cell(p) {
-            0 => Side::Border,
-            1.. => Side::On,
-            _ => Side::Off,
+            0 => BorderSide::Border,
+            1.. => BorderSide::On,
+            _ => BorderSide::Off,
         }
     }
 
@@ -258,10 +258,10 @@ mod tests {
                 let may_reach = outline.may_reach_border(corners);
                 let places =
                     [corners[0], corners[1], corners[2], corners.iter().sum::<DVec2>() / 3.0];
-                let holds_border = places.iter().any(|&p| outline.side(p) == Side::Border);
+                let holds_border = places.iter().any(|&p| outline.side(p) == BorderSide::Border);
                 assert!(may_reach || !holds_border, "{p}");
                 reach += u32::from(may_reach);
-                within += u32::from(!may_reach && outline.side(p) == Side::On);
+                within += u32::from(!may_reach && outline.side(p) == BorderSide::On);
             }
             assert!(reach > 300 && within > 3000, "{reach} reach it, {within} lie within");
         }
