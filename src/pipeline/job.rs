@@ -9,6 +9,7 @@ use super::stretch::Stretched;
 use crate::drape::{Cloth, DrapeOptions};
 use crate::edges::{Edges, Thread};
 use crate::fabric::Fabric;
+use crate::garment::Garment;
 use crate::map::Mapping;
 use crate::tile::Tile;
 
@@ -55,6 +56,13 @@ pub struct Source {
 }
 
 impl Job<'_> {
+    /// The garment as it was read, without the cloth that finished edges turn in.
+    pub(super) fn unfinished_garment(&self) -> Garment {
+        let mut garment = self.cloth.garment().clone();
+        garment.panels.retain(|panel| panel.turned_in.is_none());
+        garment
+    }
+
     /// The part that is made. `None` for the whole.
     pub(super) fn tile(&self) -> Option<Tile> {
         self.part.as_ref().map(|(tile, _)| *tile)

@@ -18,6 +18,7 @@ mod edges;
 mod environment;
 mod error;
 mod estimates;
+mod extent;
 mod fabric_maps;
 mod fibres;
 mod job;

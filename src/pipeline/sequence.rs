@@ -22,12 +22,13 @@ use crate::map::relaxed::StrainCounts;
 use crate::render::cloth;
 use crate::render::scene::Scene;
 use crate::report::FrameReport;
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::RunError;
 use super::clock::{Clock, Task};
 use super::edges;
 use super::estimates::float;
+use super::extent::extent;
 use super::job::Job;
 use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
 use super::messages::Messages;
@@ -365,7 +366,7 @@ impl Show<'_, '_, '_> {
     /// Makes the files of all frames. Returns the report's entry for each frame.
     fn all(&mut self, sequence: &Sequence<'_>) -> Result<Vec<FrameReport>, RunError> {
         let Sequence { motion, paths, .. } = sequence;
-        let mut garment = unfinished(self.job);
+        let mut garment = self.job.unfinished_garment();
         let mut frames: Vec<_> =
             paths.iter().zip(&motion.bad).map(|(path, what)| left_out(path, what)).collect();
         for (number, path) in paths.iter().enumerate().skip(motion.first) {
@@ -463,56 +464,4 @@ impl Show<'_, '_, '_> {
         // The files of this frame are complete: they appear now, whatever happens to later frames.
         Ok(whole.into_iter().try_for_each(Output::publish)?)
     }
-}
-
-/// The garment of a job as its files have it, without the cloth that finished edges turn in.
-fn unfinished(job: &Job<'_>) -> Garment {
-    let mut garment = job.cloth.garment().clone();
-    garment.panels.retain(|panel| panel.turned_in.is_none());
-    garment
-}
-
-/// Points around all frames, for one camera that sees each of them. They are the outermost points
-/// of each frame in 26 directions, moved outward by one wale spacing for the thickness of the cloth.
-///
-/// Without them the camera would move with each frame, and a film would shake.
-fn extent(
-    sequence: &Sequence<'_>,
-    job: &Job<'_>,
-    clock: &mut Clock<'_>,
-) -> Result<Vec<Vec3>, RunError> {
-    clock.begin(Task::Render, 0.0);
-    let (mut garment, reach) = (unfinished(job), job.shown.wale_spacing());
-    let mut extent = outermost(&garment, reach);
-    for path in &sequence.paths[sequence.motion.first + 1..] {
-        match sequence.motion.reader.pose(&mut garment, path) {
-            Ok(_odd) => extent.extend(outermost(&garment, reach)),
-            // The warning follows when this frame is drawn.
-            Err(_bad) if sequence.skip_bad => {}
-            Err(error) => return Err(error.into()),
-        }
-    }
-    Ok(extent)
-}
-
-/// The outermost points of a draped garment in 26 directions, each moved outward by `reach`.
-fn outermost(garment: &Garment, reach: f64) -> Vec<Vec3> {
-    let points: Vec<DVec3> =
-        garment.panels.iter().flat_map(|panel| panel.draped.iter().copied()).collect();
-    // The directions from the centre of a cube to its 6 faces, 12 edges and 8 corners, as in a
-    // k-DOP. The 27th, zero, only adds a point of the garment itself.
-    let steps = [-1.0, 0.0, 1.0];
-    let mut outermost = Vec::new();
-    for x in steps {
-        for y in steps {
-            for z in steps {
-                let toward = DVec3::new(x, y, z);
-                let farthest = points.iter().max_by(|a, b| a.dot(toward).total_cmp(&b.dot(toward)));
-                outermost.extend(
-                    farthest.map(|point| (*point + reach * toward.normalize_or_zero()).as_vec3()),
-                );
-            }
-        }
-    }
-    outermost
 }

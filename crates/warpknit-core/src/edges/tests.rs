@@ -41,6 +41,15 @@ fn flat(p: DVec2) -> (DVec3, DVec3) {
     (p.extend(0.0), DVec3::Z)
 }
 
+/// The radius of [`tube`].
+const RADIUS: f64 = 300.0 / TAU;
+
+/// A panel 300 mm wide as a tube, whose sides meet.
+fn tube(p: DVec2) -> (DVec3, DVec3) {
+    let (sin, cos) = (p.x / RADIUS).sin_cos();
+    (DVec3::new(RADIUS * sin, p.y, RADIUS * cos), DVec3::new(sin, 0.0, cos))
+}
+
 fn garment(panels: Vec<Panel>) -> Garment {
     Garment { panels, ..Garment::rectangle(1.0, 1.0) }
 }
@@ -81,24 +90,19 @@ fn a_hem_lies_behind_its_panel_and_goes_on_in_its_pattern() {
 
 #[test]
 fn a_tube_has_two_hems_and_one_seam() {
-    let radius = 300.0 / TAU;
-    let tube = |p: DVec2| {
-        let (sin, cos) = (p.x / radius).sin_cos();
-        (DVec3::new(radius * sin, p.y, radius * cos), DVec3::new(sin, 0.0, cos))
-    };
     let finished = finish(&garment(vec![grid(DVec2::ZERO, [60, 40], tube)]), &SIZES);
     let mut sizes = added(&finished.garment);
     sizes.sort_unstable();
     assert_eq!(sizes, [[5, 200], [5, 200], [300, 20], [300, 20]]);
     for place in finished.garment.panels[1..].iter().flat_map(|panel| &panel.draped) {
-        let depth = radius - place.x.hypot(place.z);
+        let depth = RADIUS - place.x.hypot(place.z);
         // Chords of 2.5 mm lie up to 0.02 mm within the arc.
         assert!((0.0..2.0 * SIZES.back + 0.05).contains(&depth), "{depth}");
     }
     // Three threads on each hem, and one on each allowance.
     assert_eq!(finished.threads.len(), 3 + 3 + 1 + 1);
     for (place, normal) in finished.threads.iter().flatten() {
-        let height = place.x.hypot(place.z) - radius;
+        let height = place.x.hypot(place.z) - RADIUS;
         assert!((-2.0 * SIZES.back - 0.45..SIZES.face + 0.1).contains(&height), "{height}");
         assert!(normal.dot(*place) > 0.0);
     }
@@ -106,11 +110,6 @@ fn a_tube_has_two_hems_and_one_seam() {
 
 #[test]
 fn a_hem_stays_a_hem_in_a_drape_where_it_touches_cloth() {
-    let radius = 300.0 / TAU;
-    let tube = |p: DVec2| {
-        let (sin, cos) = (p.x / radius).sin_cos();
-        (DVec3::new(radius * sin, p.y, radius * cos), DVec3::new(sin, 0.0, cos))
-    };
     let [open, closed] = [
         garment(vec![grid(DVec2::ZERO, [60, 40], flat)]),
         garment(vec![grid(DVec2::ZERO, [60, 40], tube)]),

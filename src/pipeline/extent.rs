@@ -1,0 +1,58 @@
+//! What the camera of a drape sequence has to see.
+//!
+//! In: a [`Sequence`] and a job on its first frame. Out: points around the cloth in all frames.
+//!
+//! Cost: each frame is read once more.
+
+use glam::{DVec3, Vec3};
+
+use super::RunError;
+use super::clock::{Clock, Task};
+use super::job::Job;
+use super::sequence::Sequence;
+use crate::garment::Garment;
+
+/// Points around all frames, for one camera that sees each of them. They are the outermost points
+/// of each frame in 26 directions, moved outward by one wale spacing for the thickness of the cloth.
+///
+/// Without them the camera would move with each frame, and a film would shake.
+pub(super) fn extent(
+    sequence: &Sequence<'_>,
+    job: &Job<'_>,
+    clock: &mut Clock<'_>,
+) -> Result<Vec<Vec3>, RunError> {
+    clock.begin(Task::Render, 0.0);
+    let (mut garment, reach) = (job.unfinished_garment(), job.shown.wale_spacing());
+    let mut extent = outermost(&garment, reach);
+    for path in &sequence.paths[sequence.motion.first + 1..] {
+        match sequence.motion.reader.pose(&mut garment, path) {
+            Ok(_odd) => extent.extend(outermost(&garment, reach)),
+            // The warning follows when this frame is drawn.
+            Err(_bad) if sequence.skip_bad => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(extent)
+}
+
+/// The outermost points of a draped garment in 26 directions, each moved outward by `reach`.
+fn outermost(garment: &Garment, reach: f64) -> Vec<Vec3> {
+    let points: Vec<DVec3> =
+        garment.panels.iter().flat_map(|panel| panel.draped.iter().copied()).collect();
+    // The directions from the centre of a cube to its 6 faces, 12 edges and 8 corners, as in a
+    // k-DOP. The 27th, zero, only adds a point of the garment itself.
+    let steps = [-1.0, 0.0, 1.0];
+    let mut outermost = Vec::new();
+    for x in steps {
+        for y in steps {
+            for z in steps {
+                let toward = DVec3::new(x, y, z);
+                let farthest = points.iter().max_by(|a, b| a.dot(toward).total_cmp(&b.dot(toward)));
+                outermost.extend(
+                    farthest.map(|point| (*point + reach * toward.normalize_or_zero()).as_vec3()),
+                );
+            }
+        }
+    }
+    outermost
+}
