@@ -18,7 +18,6 @@ mod edges;
 mod environment;
 mod error;
 mod estimates;
-mod extent;
 mod fabric_maps;
 mod fibres;
 mod job;
@@ -26,6 +25,7 @@ mod limits;
 mod loupe;
 mod make;
 mod messages;
+mod motion;
 mod notes;
 mod numbers;
 mod pictures;
@@ -55,10 +55,10 @@ pub use limits::{
     check_laid, check_memory, check_placement, check_stitches, lengths_note, locked_warning,
     loss_warning,
 };
+pub use motion::{Motion, Sequence};
 pub use numbers::RealCloth;
 pub use pictures::options;
 pub use run::{drape, swatch};
-pub use sequence::{Motion, Sequence};
 pub use set::{Staged, set};
 pub use settings::{
     Body, Densities, EdgeFinish, Enlarge, LoupeChoice, PictureSettings, Placement, Settings, Wanted,

@@ -15,8 +15,8 @@ use crate::edges::{Finished, Thread};
 use crate::export::usda_frames::UsdaFramesWriter;
 use crate::export::usdc::UsdcWriter;
 use crate::export::{ClothInfo, Destination, ExportError, Format, Output, Sink};
+use crate::garment::Garment;
 use crate::garment::stretch::stretch;
-use crate::garment::{Frames, Garment};
 use crate::ids::index32;
 use crate::map::relaxed::StrainCounts;
 use crate::render::cloth;
@@ -28,10 +28,10 @@ use super::RunError;
 use super::clock::{Clock, Task};
 use super::edges;
 use super::estimates::float;
-use super::extent::extent;
 use super::job::Job;
 use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
 use super::messages::Messages;
+use super::motion::Sequence;
 use super::notes;
 use super::pictures::Pictures;
 use super::set;
@@ -45,29 +45,6 @@ use super::writers::{check_places, finished, sinks};
 const LOCATED_GB: f64 = 1e-6;
 /// The most that a picture of one needs, GB. Measured: 1.7 kB with a million ray traced stitches.
 const PICTURE_GB: f64 = 1.7e-6;
-
-/// The frames of a run. The cloth of its job lies on the first usable frame.
-pub struct Sequence<'a> {
-    /// The first usable frame, and how the others are read.
-    pub motion: &'a Motion,
-    /// All frames, including those before the first usable one.
-    pub paths: &'a [PathBuf],
-    /// Whether frames that can't be read are left out.
-    pub skip_bad: bool,
-    /// Frames per second in a `.usda` or `.usdc`.
-    pub frames_per_second: f64,
-}
-
-/// A sequence whose first usable frame has been read.
-#[derive(Debug)]
-pub struct Motion {
-    /// Reads the other frames.
-    pub reader: Frames,
-    /// Index of the first usable frame.
-    pub first: usize,
-    /// The errors of the frames before it.
-    pub bad: Vec<String>,
-}
 
 /// The files of a sequence.
 struct Files {
@@ -161,7 +138,7 @@ impl<'a> PreparedSequence<'a> {
         warnings.extend(sequence.motion.bad.iter().map(|what| format!("left out: {what}")));
         let wants_extent = *wants_picture && job.settings.picture.eye.is_none();
         let extent =
-            if wants_extent { extent(sequence, job, &mut common.clock)? } else { Vec::new() };
+            if wants_extent { sequence.extent(job, &mut common.clock)? } else { Vec::new() };
         let info = ClothInfo {
             usd_curves: job.settings.usd_curves,
             ..ClothInfo::from_fabric(job.shown, setup.section)
