@@ -46,11 +46,10 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let photo = read_photo(&arguments.photo)?;
     let front = arguments.front.as_deref().map(read_photo).transpose()?;
     terminal.begin(Task::Develop, 0.1);
-    let knit = knit(arguments, &photo, front.as_ref())?;
-    if let Some(found) = knit.as_ref().filter(|_| must_knit(arguments)) {
-        return save_knit(arguments, found, folder, &terminal);
+    if must_knit(arguments) {
+        let knit = recognised(arguments, &photo, front.as_ref())?;
+        return save_knit(arguments, &knit, folder, &terminal);
     }
-    terminal.begin(Task::Develop, 0.3);
     let cell = arguments.cell.map(|[ax, ay, bx, by]| [DVec2::new(ax, ay), DVec2::new(bx, by)]);
     let is_given = layout.is_some();
     // An error in a person's layout names the layout's file and not the photo.
@@ -62,22 +61,28 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
         layout,
     };
     let mean = MeanRepeat::new(&photo, &settings);
+    terminal.begin(Task::Develop, 0.2);
     // A weave that leaves less unexplained than a knit is the answer. Free strands explain any
     // cloth, so they come last, and where only they compete with a knit they are not looked for.
-    let knit = knit.as_ref().filter(|knit| knit.unexplained() <= MOST_UNEXPLAINED);
-    if let Some(knit) = knit {
+    let knit = may_knit(arguments).then(|| knit(arguments, &photo, mean.as_ref().ok())).flatten();
+    if let Some(knit) = &knit {
         let weave = mean.as_ref().ok().and_then(MeanRepeat::unexplained_by_weave);
         if weave.is_none_or(|weave| knit.unexplained() < weave) {
             return save_knit(arguments, knit, folder, &terminal);
         }
     }
+    terminal.begin(Task::Develop, 0.4);
+    let may_refuse = !is_given && !arguments.anyway;
+    if let Some(mean) = mean.as_ref().ok().filter(|_| may_refuse && knit.is_none()) {
+        check_size(mean).with_context(|| about.display().to_string())?;
+    }
     let found = mean.and_then(MeanRepeat::captured);
     let is_weave = found.as_ref().is_ok_and(|found| found.layout.hypothesis == Hypothesis::Woven);
     if let Some(knit) = knit.filter(|_| !is_weave) {
-        return save_knit(arguments, knit, folder, &terminal);
+        return save_knit(arguments, &knit, folder, &terminal);
     }
     let found = found.with_context(|| about.display().to_string())?;
-    if !is_given && !arguments.anyway {
+    if may_refuse {
         check_strands(&found).with_context(|| about.display().to_string())?;
     }
     terminal.begin(Task::Write, 0.9);
@@ -94,7 +99,21 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     print(&report(&found))
 }
 
-/// Refuses strands that explain too little, and those of a repeat that is too small to show them.
+/// Refuses a repeat that is too small to show strands, before they are looked for.
+fn check_size(mean: &MeanRepeat<'_>) -> Result<()> {
+    let lattice = mean.lattice();
+    if lattice.shorter() < LEAST_CELL && !mean.is_clearly_woven() {
+        let [a, b] = [lattice.a, lattice.b].map(vector);
+        bail!(
+            "the cloth is no weave and repeats every {a} and {b} pixels, too small to see yarns in \
+             ({LEAST_CELL} pixels each way are needed): take it nearer, or give --anyway to write \
+             a guess"
+        );
+    }
+    Ok(())
+}
+
+/// Refuses strands that explain too little.
 fn check_strands(found: &Captured) -> Result<()> {
     let (lattice, unexplained) = (&found.unit.lattice, found.layout.error);
     let [a, b] = [lattice.a, lattice.b].map(vector);
@@ -107,22 +126,20 @@ fn check_strands(found: &Captured) -> Result<()> {
             percent(MOST_UNEXPLAINED)
         );
     }
-    let is_small = lattice.shorter() < LEAST_CELL;
-    if is_small && found.layout.hypothesis == Hypothesis::Cover {
-        bail!(
-            "the cloth is no weave and repeats every {a} and {b} pixels, too small to see yarns in \
-             ({LEAST_CELL} pixels each way are needed): take it nearer, or give --anyway to write \
-             a guess"
-        );
-    }
     Ok(())
 }
 
 /// Whether nothing but a knit is wanted.
 fn must_knit(arguments: &Capture) -> bool {
-    arguments.front.is_some()
-        || !arguments.lapping.is_empty()
-        || matches!(arguments.structure, Some(CaptureAs::Knit | CaptureAs::Warp))
+    let is_named = matches!(arguments.structure, Some(CaptureAs::Knit | CaptureAs::Warp));
+    may_knit(arguments) && (arguments.front.is_some() || !arguments.lapping.is_empty() || is_named)
+}
+
+/// Whether the cloth may be a knit.
+fn may_knit(arguments: &Capture) -> bool {
+    arguments.cell.is_none()
+        && arguments.layout.is_none()
+        && arguments.structure != Some(CaptureAs::Free)
 }
 
 /// Pixels of the photo per mm, if the photo's scale is given.
@@ -131,19 +148,28 @@ fn pixels_per_mm(arguments: &Capture, photo: &RgbImage) -> Option<f64> {
     arguments.pixels_per_mm.or(arguments.dpi.map(|dpi| dpi / 25.4)).or(by_width)
 }
 
-/// The knit that the photos show, unless something else is wanted. That none is recognised is an
-/// error only where nothing else is tried.
+/// The knit that explains a photo well enough, if any does. Beside a clear weave only a known one
+/// would: a search over all lappings takes as long as all else.
 fn knit(
     arguments: &Capture,
     photo: &RgbImage,
+    mean: Option<&MeanRepeat<'_>>,
+) -> Option<Recognition> {
+    let settings = RecogniseSettings {
+        only_known: mean.is_some_and(MeanRepeat::is_clearly_woven),
+        pixels_per_mm: pixels_per_mm(arguments, photo),
+        ..RecogniseSettings::default()
+    };
+    let found = recognise(&[(photo, Face::Back)], &settings).ok();
+    found.filter(|knit| knit.unexplained() <= MOST_UNEXPLAINED)
+}
+
+/// The knit that the photos show, where nothing but a knit is wanted.
+fn recognised(
+    arguments: &Capture,
+    photo: &RgbImage,
     front: Option<&RgbImage>,
-) -> Result<Option<Recognition>> {
-    let is_other = arguments.cell.is_some()
-        || arguments.layout.is_some()
-        || arguments.structure == Some(CaptureAs::Free);
-    if is_other {
-        return Ok(None);
-    }
+) -> Result<Recognition> {
     let mut photos = vec![(photo, Face::Back)];
     photos.extend(front.map(|front| (front, Face::Front)));
     let kinds = if arguments.structure == Some(CaptureAs::Warp) { Kinds::Warp } else { Kinds::All };
@@ -151,12 +177,10 @@ fn knit(
         kinds,
         lapping: arguments.lapping.clone(),
         pixels_per_mm: pixels_per_mm(arguments, photo),
+        ..RecogniseSettings::default()
     };
-    let found = recognise(&photos, &settings);
-    if !must_knit(arguments) {
-        return Ok(found.ok());
-    }
-    let found = found.with_context(|| arguments.photo.display().to_string())?;
+    let found =
+        recognise(&photos, &settings).with_context(|| arguments.photo.display().to_string())?;
     if found.unexplained() > MOST_UNEXPLAINED && !arguments.anyway {
         let [wale, course] = found.frames[0].map(DVec2::from);
         bail!(
@@ -171,7 +195,7 @@ fn knit(
             vector(course)
         );
     }
-    Ok(Some(found))
+    Ok(found)
 }
 
 /// Writes a recognised knit.

@@ -649,6 +649,23 @@ fn both_faces_of_a_locknit_give_its_chains_and_so_do_their_mirror_images() {
     }
 }
 
+/// Beside a clear weave a search through all lappings would take most of the time.
+#[test]
+fn lappings_that_no_catalogue_holds_are_left_out_if_one_asks_for_that() {
+    let chains = ["0-1/1-2//", "2-3/0-1//"].map(str::to_owned);
+    let fabric = Fabric::named("locknit").unwrap().with_chains(&chains, &[]).unwrap();
+    let [back, front] = [Face::Back, Face::Front]
+        .map(|face| taken(&drawn(&varied(&fabric, 102), face, 102), FAIR, 102));
+    let are_known = |only_known| -> Vec<bool> {
+        let settings = RecogniseSettings { only_known, ..RecogniseSettings::default() };
+        let photos = [(&back, Face::Back), (&front, Face::Front)];
+        let found = recognise(&photos, &settings).unwrap();
+        found.ranked.iter().map(|ranked| ranked.is_known).collect()
+    };
+    assert!(are_known(true).iter().all(|is_known| *is_known));
+    assert!(!are_known(false)[0]);
+}
+
 #[test]
 fn a_locknit_s_photos_become_a_fabric_of_bars_and_noise_becomes_none() {
     let folder = tempfile::tempdir().unwrap();

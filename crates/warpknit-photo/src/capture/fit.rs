@@ -2,20 +2,17 @@
 //!
 //! In: a [`FitTarget`] and segments near those that it shows. Out: a [`LayoutFit`].
 //!
-//! Method: the Levenberg-Marquardt algorithm (Levenberg 1944, *A method for the solution of certain
-//! non-linear problems in least squares*; Marquardt 1963, *An algorithm for least-squares
-//! estimation of nonlinear parameters*). Derivatives are central differences. Constraints are a
-//! projection of the parameters onto the bounds of what a yarn can be.
+//! Method: nonlinear least squares ([`minimise`]). Derivatives are central differences. Constraints
+//! are a projection of the parameters onto the bounds of what a yarn can be.
 //!
-//! Cost: two renderings of one segment for each of its eleven parameters, an iteration; some
-//! milliseconds at 26 x 26 points. Not promised: the global minimum. The result depends on the
+//! Cost: two renderings of one segment for each of its seven parameters of place, and one for those
+//! of its light together, an iteration; some milliseconds at 26 x 26 points. Not promised: the global minimum. The result depends on the
 //! start, so that many starts compete.
 
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rayon::prelude::*;
 
-use super::relief::{heights, max_into, rendered};
+use super::least_squares::{LeastSquares, minimise};
+use super::relief::{heights, heights_in_lights, max_into, rendered};
 use super::segment::Segment;
 use super::target::FitTarget;
 
@@ -38,9 +35,6 @@ const STRAIGHT_ASPECT: f64 = 1.5;
 /// width says, and the width drifts up.
 const MAX_ROUND: f64 = 0.6;
 
-/// Relative change of the error and of the parameters at which the iteration has converged. Layouts
-/// are compared by differences of a percent; a smaller tolerance only adds iterations.
-const TOLERANCE: f64 = 1e-4;
 /// Steps of the central differences: of parameters in pixels as a share of the width, and of angles
 /// and lightness, which are about 1. Much smaller steps would fall below the blur of edges in the
 /// model, larger ones would reach over the narrowest yarns.
@@ -89,39 +83,28 @@ pub(super) fn refine(
     ground: f64,
     iterations: usize,
 ) -> LayoutFit {
-    let parameters = segments.iter().flat_map(Segment::parameters).chain([ground]);
-    let problem = Problem {
-        target,
-        hypothesis,
-        start: segments.to_vec(),
-        parameters: DVector::from_iterator(segments.len() * Segment::PARAMETERS + 1, parameters),
-    };
-    let (solved, _) = LevenbergMarquardt::new()
-        .with_patience(iterations)
-        .with_ftol(TOLERANCE)
-        .with_xtol(TOLERANCE)
-        .minimize(problem);
-    let (segments, ground) = solved.segments(&solved.parameters);
+    let start: Vec<f64> = segments.iter().flat_map(Segment::parameters).chain([ground]).collect();
+    let evaluations = iterations * (start.len() + 1);
+    let problem = Problem { target, hypothesis, start: segments };
+    let (segments, ground) = problem.segments(&minimise(&problem, start, evaluations));
     let error = target.error(&segments, ground);
     LayoutFit { segments, hypothesis, ground, error }
 }
 
+/// The segments to be moved. Parameters are those of all segments, and then the ground's lightness.
 struct Problem<'a> {
     target: &'a FitTarget,
     hypothesis: Hypothesis,
-    start: Vec<Segment>,
-    /// Those of all segments, and then the ground's lightness.
-    parameters: DVector<f64>,
+    start: &'a [Segment],
 }
 
 impl Problem<'_> {
     /// The segments and the ground that parameters stand for, within the bounds of what yarns can
     /// be.
-    fn segments(&self, parameters: &DVector<f64>) -> (Vec<Segment>, f64) {
-        let parameters = parameters.as_slice();
+    fn segments(&self, parameters: &[f64]) -> (Vec<Segment>, f64) {
         let segments = parameters
             .chunks_exact(Segment::PARAMETERS)
-            .zip(&self.start)
+            .zip(self.start)
             .map(|(own, start)| self.bounded(&Segment::from_parameters(own), start))
             .collect();
         (segments, parameters[parameters.len() - 1])
@@ -163,35 +146,47 @@ impl Problem<'_> {
         }
     }
 
-    /// The lightness that parameters render at each sample point.
-    fn rendering(&self, parameters: &DVector<f64>) -> Vec<f64> {
-        let (segments, ground) = self.segments(parameters);
-        rendered(&segments, ground, &self.target.lattice, &self.target.samples)
+    /// A segment with one of its parameters moved by `by` steps, within the bounds.
+    fn moved(&self, (segment, own): (usize, &[f64]), parameter: usize, by: f64) -> Segment {
+        let mut moved = own.to_vec();
+        moved[parameter] += by * self.step(segment, parameter);
+        self.bounded(&Segment::from_parameters(&moved), &self.start[segment])
     }
 
-    /// A column of the Jacobian: the derivative by one parameter, where `others` is the upper
-    /// envelope of the other segments.
-    fn derivative(&self, number: usize, others: &[f64]) -> Vec<f64> {
-        let FitTarget { lattice, samples, .. } = self.target;
-        let segment = number / Segment::PARAMETERS;
-        let step = if Segment::PIXEL_PARAMETERS.contains(&(number % Segment::PARAMETERS)) {
+    /// The step of a central difference.
+    fn step(&self, segment: usize, parameter: usize) -> f64 {
+        if Segment::PIXEL_PARAMETERS.contains(&parameter) {
             PIXEL_STEP * self.start[segment].width.max(0.3)
         } else {
             UNIT_STEP
+        }
+    }
+
+    /// Writes columns of the Jacobian: derivatives by a segment's parameters from `first` on. `own`
+    /// is the segment's number and its parameters, `others` the upper envelope of the others.
+    fn derivatives(&self, own: (usize, &[f64]), first: usize, columns: &mut [f64], others: &[f64]) {
+        let FitTarget { lattice, samples, .. } = self.target;
+        let both = |parameter| [1.0, -1.0].map(|by| self.moved(own, parameter, by));
+        let mut write = |number: usize, [more, less]: [&[f64]; 2]| {
+            let column = columns[number * others.len()..].iter_mut();
+            let twice = 2.0 * self.step(own.0, first + number);
+            // Where another segment is higher at both ends of the difference, the derivative is 0:
+            // what is hidden has no say in the fit.
+            for (((column, more), less), others) in column.zip(more).zip(less).zip(others) {
+                *column = (more.max(*others) - less.max(*others)) / twice;
+            }
         };
-        let mut moved = self.parameters.clone();
-        let mut heights_at = |by: f64| {
-            moved[number] = self.parameters[number] + by;
-            heights(&self.segments(&moved).0[segment], lattice, samples)
-        };
-        let (more, less) = (heights_at(step), heights_at(-step));
-        // Where another segment is higher at both ends of the difference, the derivative is 0: what
-        // is hidden has no say in the fit.
-        more.iter()
-            .zip(&less)
-            .zip(others)
-            .map(|((more, less), others)| (more.max(*others) - less.max(*others)) / (2.0 * step))
-            .collect()
+        if first == Segment::LIGHT_PARAMETERS.start {
+            // Parameters of the light leave all places where they are.
+            let lights = Segment::LIGHT_PARAMETERS.flat_map(both);
+            let heights = heights_in_lights(&lights.collect::<Vec<_>>(), lattice, samples);
+            for (number, pair) in heights.chunks_exact(2).enumerate() {
+                write(number, [&pair[0], &pair[1]]);
+            }
+        } else {
+            let [more, less] = both(first).map(|moved| heights(&moved, lattice, samples));
+            write(0, [&more, &less]);
+        }
     }
 }
 
@@ -206,49 +201,45 @@ fn envelope_without(number: usize, heights: &[Vec<f64>], points: usize) -> Vec<f
     highest
 }
 
-impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, Dyn>;
-    type ParameterStorage = Owned<f64, Dyn>;
-
-    fn set_params(&mut self, parameters: &DVector<f64>) {
-        self.parameters.copy_from(parameters);
-    }
-
-    fn params(&self) -> DVector<f64> {
-        self.parameters.clone()
-    }
-
-    fn residuals(&self) -> Option<DVector<f64>> {
-        let rendering = self.rendering(&self.parameters);
-        Some(DVector::from_iterator(
-            rendering.len(),
-            rendering.iter().zip(&self.target.light).map(|(model, light)| model - light),
-        ))
-    }
-
-    fn jacobian(&self) -> Option<DMatrix<f64>> {
-        let (segments, _) = self.segments(&self.parameters);
+impl LeastSquares for Problem<'_> {
+    fn residuals(&self, parameters: &[f64]) -> Vec<f64> {
         let FitTarget { lattice, samples, light, .. } = self.target;
+        let (segments, ground) = self.segments(parameters);
+        let mut residuals = rendered(&segments, ground, lattice, samples);
+        residuals.iter_mut().zip(light).for_each(|(model, light)| *model -= light);
+        residuals
+    }
+
+    fn jacobian(&self, parameters: &[f64]) -> Vec<f64> {
+        let FitTarget { lattice, samples, light, .. } = self.target;
+        let (segments, _) = self.segments(parameters);
         // One parameter moves one segment. The envelope of the others is computed once for each
         // segment, so that a column costs two renderings of one segment instead of all of them.
         let own: Vec<Vec<f64>> =
             segments.par_iter().map(|segment| heights(segment, lattice, samples)).collect();
         let others: Vec<Vec<f64>> =
             (0..segments.len()).map(|number| envelope_without(number, &own, light.len())).collect();
-        let last = self.parameters.len() - 1;
-        let columns: Vec<Vec<f64>> = (0..=last)
-            .into_par_iter()
-            .map(|number| {
-                // The ground lifts every point alike.
-                if number == last {
-                    vec![1.0; light.len()]
-                } else {
-                    self.derivative(number, &others[number / Segment::PARAMETERS])
-                }
-            })
-            .collect();
-        Some(DMatrix::from_iterator(light.len(), columns.len(), columns.into_iter().flatten()))
+        let points = light.len();
+        let mut entries = vec![0.0; points * parameters.len()];
+        let (columns, ground) = entries.split_at_mut(points * (parameters.len() - 1));
+        // The ground lifts every point alike.
+        ground.fill(1.0);
+        let lights = Segment::LIGHT_PARAMETERS;
+        let mut parts: Vec<(usize, usize, &mut [f64])> = Vec::new();
+        let all = columns.chunks_exact_mut(points * Segment::PARAMETERS).enumerate();
+        for (segment, columns) in all {
+            let (before, rest) = columns.split_at_mut(points * lights.start);
+            let (light, after) = rest.split_at_mut(points * lights.len());
+            let single = |first| move |(at, column)| (segment, first + at, column);
+            parts.extend(before.chunks_exact_mut(points).enumerate().map(single(0)));
+            parts.push((segment, lights.start, light));
+            parts.extend(after.chunks_exact_mut(points).enumerate().map(single(lights.end)));
+        }
+        parts.into_par_iter().for_each(|(segment, first, columns)| {
+            let own = &parameters[segment * Segment::PARAMETERS..][..Segment::PARAMETERS];
+            self.derivatives((segment, own), first, columns, &others[segment]);
+        });
+        entries
     }
 }
 
@@ -313,14 +304,9 @@ mod tests {
         let target = FitTarget::new(&cell(&start), 20.0);
         let mut fit = refine(&target, Hypothesis::Cover, &start, -1.0, 1);
         for _ in 0..20 {
-            let parameters = DVector::from_element(Segment::PARAMETERS + 1, 1e12);
-            let problem = Problem {
-                target: &target,
-                hypothesis: fit.hypothesis,
-                start: fit.segments,
-                parameters,
-            };
-            fit.segments = problem.segments(&problem.parameters).0;
+            let problem =
+                Problem { target: &target, hypothesis: fit.hypothesis, start: &fit.segments };
+            fit.segments = problem.segments(&[1e12; Segment::PARAMETERS + 1]).0;
         }
         assert!(
             fit.segments[0].length <= 3.0 * LATTICE.longer()

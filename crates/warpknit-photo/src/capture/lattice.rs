@@ -70,6 +70,11 @@ impl Lattice {
         DMat2::from_cols(self.a, self.b)
     }
 
+    /// The same in pixels of another size.
+    pub(super) fn scaled(&self, scale: f64) -> Self {
+        Self { a: self.a * scale, b: self.b * scale }
+    }
+
     /// Area of one cell, square pixels.
     #[must_use]
     pub fn area(&self) -> f64 {

@@ -187,7 +187,7 @@ impl Targets {
     pub(super) fn layout(&self, weave: Option<(f64, Layout)>) -> Option<Layout> {
         let coarse = &self.coarse;
         let least = weave.as_ref().map_or(f64::INFINITY, |(cost, _)| *cost);
-        if least < CLEAR_WEAVE_COST {
+        if is_clear(least) {
             return weave.map(|(_, layout)| layout);
         }
         let mut covers: Vec<(f64, LayoutFit)> = greedy_cover::fits(coarse, self.ground, self.top)
@@ -203,6 +203,11 @@ impl Targets {
             .find_map(|(_, fit)| plausible_layout(fit, &self.fine))
             .or_else(|| weave.map(|(_, layout)| layout))
     }
+}
+
+/// Whether a weave of such a cost is clear.
+pub(super) fn is_clear(cost: f64) -> bool {
+    cost < CLEAR_WEAVE_COST
 }
 
 fn pruned_with_cost(target: &FitTarget, fit: LayoutFit) -> (f64, LayoutFit) {

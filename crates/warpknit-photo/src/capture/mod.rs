@@ -38,6 +38,7 @@ mod joining;
 pub(crate) mod lattice;
 mod layout;
 mod layout_file;
+mod least_squares;
 pub(crate) mod plane;
 mod quilt;
 pub(crate) mod register;
@@ -176,13 +177,13 @@ impl<'a> MeanRepeat<'a> {
     /// # Errors
     /// [`CaptureError`]: what the photo lacks.
     pub fn new(photo: &'a RgbImage, settings: &'a CaptureSettings) -> Result<Self, CaptureError> {
-        let view = repeat(photo, settings)?;
+        let (view, light) = repeat(photo, settings)?;
         let lattice = &view.unit.lattice;
-        let field = register(&view.even, lattice);
+        let field = register(&light.even, lattice);
         let channels = Plane::channels(&view.picture)
             .map(|plane| Cell::mean_of_copies(&plane, &field, lattice));
         let cell = Cell::mean_of_copies(
-            &normalized_contrast(&view.lightness, narrow(1.5 * lattice.longer())),
+            &normalized_contrast(&light.lightness, narrow(1.5 * lattice.longer())),
             &field,
             lattice,
         );
@@ -198,13 +199,25 @@ impl<'a> MeanRepeat<'a> {
         self.weave.as_ref().map(|(_, layout)| layout.error)
     }
 
+    /// Whether it shows a weave so clearly that no other strands are looked for.
+    #[must_use]
+    pub fn is_clearly_woven(&self) -> bool {
+        self.weave.as_ref().is_some_and(|(cost, _)| layout::is_clear(*cost))
+    }
+
+    /// Its vectors, pixels of the photo.
+    #[must_use]
+    pub fn lattice(&self) -> Lattice {
+        self.view.unit.lattice.scaled(self.view.scale.recip())
+    }
+
     /// Its yarns.
     ///
     /// # Errors
     /// [`CaptureError`]: what the photo or a given layout lacks.
     pub fn captured(self) -> Result<Captured, CaptureError> {
         let Self { photo, settings, view, field, channels, cell, targets, weave } = self;
-        let RepeatView { scale, corner, picture, lightness, unit, .. } = view;
+        let RepeatView { scale, corner, picture, unit } = view;
         let layout = match &settings.layout {
             Some(given) => layout::given(
                 &cell,
@@ -215,7 +228,7 @@ impl<'a> MeanRepeat<'a> {
         };
         let colors = SegmentColors::new(&channels, &layout.visible);
         let depth = Depth::new(&cell, &layout, &colors.groups, settings.thickness);
-        let view = DVec2::new(double(lightness.width), double(lightness.height));
+        let view = DVec2::new(f64::from(picture.width()), f64::from(picture.height()));
         let twists = twists(
             &PhotoRegistration {
                 photo,
@@ -230,7 +243,7 @@ impl<'a> MeanRepeat<'a> {
         let texture = quilt(&picture, &field, &unit.lattice);
         // From here on lengths are pixels of the photo instead of the view.
         let to_photo = 1.0 / scale;
-        let lattice = Lattice { a: unit.lattice.a * to_photo, b: unit.lattice.b * to_photo };
+        let lattice = unit.lattice.scaled(to_photo);
         let unit = UnitCell { lattice, ..unit };
         let layout = layout.scaled(to_photo);
         let width = layout.visible.iter().map(|segment| segment.width).sum::<f64>()
@@ -292,17 +305,24 @@ struct RepeatView {
     /// The centre of its first pixel in the photo.
     corner: DVec2,
     picture: RgbImage,
-    lightness: Plane,
-    /// The lightness without slow shading.
-    even: Plane,
     /// The repeat, in pixels of the view.
     unit: UnitCell,
 }
 
-/// The view in which the repeat is clearest.
-fn repeat(photo: &RgbImage, settings: &CaptureSettings) -> Result<RepeatView, CaptureError> {
+/// The light of a view. It takes thrice the picture's memory, and its mean cell is all that is kept.
+struct ViewLight {
+    lightness: Plane,
+    /// The same without slow shading.
+    even: Plane,
+}
+
+/// The view in which the repeat is clearest, and its light.
+fn repeat(
+    photo: &RgbImage,
+    settings: &CaptureSettings,
+) -> Result<(RepeatView, ViewLight), CaptureError> {
     let given = settings.layout.as_ref().map(|layout| layout.cell).or(settings.cell);
-    let mut best: Option<RepeatView> = None;
+    let mut best: Option<(RepeatView, ViewLight)> = None;
     for PhotoView { picture, scale, corner } in PhotoView::all(photo) {
         let lightness = Plane::lightness(&picture);
         let mean = lightness.values.iter().sum::<f32>() / float(lightness.values.len());
@@ -312,29 +332,30 @@ fn repeat(photo: &RgbImage, settings: &CaptureSettings) -> Result<RepeatView, Ca
         let even = without_shading(&lightness);
         let found = match given {
             Some([a, b]) => {
-                Some(UnitCell { lattice: Lattice { a: a * scale, b: b * scale }, confidence: 1.0 })
+                Some(UnitCell { lattice: Lattice { a, b }.scaled(scale), confidence: 1.0 })
             }
             None => lattice::find(&even),
         };
         let Some(unit) = found else { continue };
         let is_enough = unit.confidence >= CERTAIN && unit.lattice.shorter() >= MIN_CELL;
         // Of two certain repeats the one in more pixels is better, even if it is less certain.
-        let is_better = best.as_ref().is_none_or(|RepeatView { unit: other, .. }| {
+        let is_better = best.as_ref().is_none_or(|(RepeatView { unit: other, .. }, _)| {
             unit.confidence >= other.confidence
                 || other.lattice.shorter() < MIN_CELL && unit.confidence >= CERTAIN
         });
         if is_better {
-            best = Some(RepeatView { scale, corner, picture, lightness, even, unit });
+            let view = RepeatView { scale, corner, picture, unit };
+            best = Some((view, ViewLight { lightness, even }));
         }
         if is_enough {
             break;
         }
     }
-    if let (Some(vectors), Some(view)) = (given, &best) {
+    if let (Some(vectors), Some((view, _))) = (given, &best) {
         check_given(vectors, view, photo)?;
     }
-    let confidence = best.as_ref().map_or(0.0, |best| best.unit.confidence);
-    best.filter(|best| best.unit.confidence >= CERTAIN)
+    let confidence = best.as_ref().map_or(0.0, |(best, _)| best.unit.confidence);
+    best.filter(|(best, _)| best.unit.confidence >= CERTAIN)
         .ok_or(CaptureError::NoRepeat { confidence, least: CERTAIN })
 }
 

@@ -9,9 +9,13 @@
 //!
 //! Cost: two square roots for each sample that a copy of a segment may touch. A bounding circle and
 //! a bounding strip reject most others a run at a time. Fits spend their time here, so what doesn't
-//! depend on the place is worked out once a segment.
+//! depend on the place is worked out once a segment, a run is worked out in wide registers, and
+//! segments that differ in their light alone share their geometry.
+
+use std::array;
 
 use glam::DVec2;
+use pulp::Arch;
 
 use super::lattice::Lattice;
 use super::segment::{S_SCALE, Segment};
@@ -26,7 +30,8 @@ const END_SLOPE: f64 = 6.0;
 const END_RAMP: f64 = 0.75;
 /// Edges are blurred by this many pixels to either side: a pixel integrates over its area.
 const EDGE_BLUR: f64 = 0.5;
-/// Samples that are rejected together. Fewer cost a test each, more are seldom all outside.
+/// Samples that are rejected together, and worked out together. Fewer cost a test each, more are
+/// seldom all outside.
 const RUN: usize = 8;
 
 /// A segment, ready to be asked for heights.
@@ -69,8 +74,9 @@ impl Relief {
 
     /// Lateral offset of the axis from the chord, and the slope of the axis there. The axis goes
     /// straight on beyond its ends.
+    #[inline(always)]
     pub(super) fn lateral_offset(&self, along: f64) -> (f64, f64) {
-        let t = (along * self.per_half).clamp(-1.0, 1.0);
+        let t = self.position(along);
         let square = t * t;
         // A parabola for the bow plus a cubic for the S. Both vanish at t = -1 and t = 1, so that
         // neither moves the ends.
@@ -79,18 +85,26 @@ impl Relief {
         (bend + slope * (along - t * self.half), slope)
     }
 
+    /// Position along the axis, from -1 at one end to 1 at the other, and no farther.
+    #[inline(always)]
+    fn position(&self, along: f64) -> f64 {
+        (along * self.per_half).clamp(-1.0, 1.0)
+    }
+
     /// How far the axis has descended at a position along it: 0 where it is level, 1 at its ends.
+    #[inline(always)]
     pub(super) fn descent(&self, along: f64) -> f64 {
-        ((along.abs() - self.half + self.ramp) * self.per_ramp).clamp(0.0, 1.0).powi(2)
+        let down = ((along.abs() - self.half + self.ramp) * self.per_ramp).clamp(0.0, 1.0);
+        down * down
     }
 
     /// Lightness of the axis relative to the ground.
     pub(super) fn axis_lightness(&self, along: f64) -> f64 {
-        let Segment { top, sag, tilt, .. } = self.segment;
-        top - sag * self.descent(along) + tilt * (along * self.per_half).clamp(-1.0, 1.0)
+        Light::of(&self.segment).along_axis(self.position(along), self.descent(along))
     }
 
     /// Coordinates along and across the segment for an offset from its middle.
+    #[inline(always)]
     pub(super) fn local(&self, offset: DVec2) -> DVec2 {
         let along = self.direction.dot(offset);
         let (lateral, slope) = self.lateral_offset(along);
@@ -100,24 +114,31 @@ impl Relief {
         DVec2::new(along, across)
     }
 
-    /// Lightness at an offset from the segment's middle relative to the ground; below 0 outside.
-    pub(super) fn height(&self, offset: DVec2) -> f64 {
-        let at = self.local(offset);
-        // Coverage of a pixel by a straight edge, as a linear ramp: antialiasing of the model, so
-        // that its derivative by the width does not vanish between pixels.
-        let edge = 0.5 + (self.half_width - at.y.abs()) / (2.0 * EDGE_BLUR);
-        if edge <= 0.0 {
-            return -1.0;
+    /// The place on the segment of each offset from its middle.
+    #[inline(always)]
+    fn places<const N: usize>(&self, offsets: [DVec2; N]) -> Places<N> {
+        let mut places = Places::<N>::default();
+        for (lane, offset) in offsets.into_iter().enumerate() {
+            let at = self.local(offset);
+            // Coverage of a pixel by a straight edge, as a linear ramp: antialiasing of the model,
+            // so that its derivative by the width does not vanish between pixels. A pixel that is
+            // half yarn has half its luminance, and lightness (CIE L*) is about the cube root of
+            // luminance.
+            let edge = 0.5 + (self.half_width - at.y.abs()) / (2.0 * EDGE_BLUR);
+            let across = (at.y * self.per_half_width).clamp(-1.0, 1.0);
+            places.coverage[lane] = cube_root_of_share(edge);
+            places.position[lane] = self.position(at.x);
+            places.descent[lane] = self.descent(at.x);
+            places.beyond[lane] = (at.x.abs() - self.half).max(0.0) * self.per_width;
+            // The section is half an ellipse, with `round` as its semi-axis upward.
+            places.fall[lane] = 1.0 - (1.0 - across * across).sqrt();
         }
-        let across = (at.y * self.per_half_width).clamp(-1.0, 1.0);
-        let beyond = (at.x.abs() - self.half).max(0.0) * self.per_width;
-        // The section is half an ellipse: `round` is its semi-axis upward.
-        let lightness = self.axis_lightness(at.x)
-            - END_SLOPE * beyond
-            - self.segment.round * (1.0 - (1.0 - across * across).sqrt());
-        // A pixel that is half yarn has half its luminance. Lightness (CIE L*) is about the cube
-        // root of luminance.
-        if edge < 1.0 { lightness * cube_root(edge) } else { lightness }
+        places
+    }
+
+    /// Lightness at an offset from the segment's middle relative to the ground; 0 and less outside.
+    pub(super) fn height(&self, offset: DVec2) -> f64 {
+        Light::of(&self.segment).at(&self.places([offset]), 0)
     }
 
     /// Whether the segment lies over a point at an offset from its middle.
@@ -139,36 +160,112 @@ impl Relief {
     }
 }
 
-/// The cube root of a positive number, to 1e-14: a guess from the exponent, and two of Halley's
-/// steps. The library's is rounded exactly, and was 4 % of a capture's time.
-fn cube_root(number: f64) -> f64 {
+/// How light a segment is.
+#[derive(Clone, Copy)]
+struct Light {
+    top: f64,
+    round: f64,
+    sag: f64,
+    tilt: f64,
+}
+
+impl Light {
+    fn of(segment: &Segment) -> Self {
+        let Segment { top, round, sag, tilt, .. } = *segment;
+        Self { top, round, sag, tilt }
+    }
+
+    /// Lightness of the axis relative to the ground.
+    #[inline(always)]
+    fn along_axis(self, position: f64, descent: f64) -> f64 {
+        self.top - self.sag * descent + self.tilt * position
+    }
+
+    /// Lightness of a place relative to the ground.
+    #[inline(always)]
+    fn at<const N: usize>(self, places: &Places<N>, lane: usize) -> f64 {
+        let lightness = self.along_axis(places.position[lane], places.descent[lane])
+            - END_SLOPE * places.beyond[lane]
+            - self.round * places.fall[lane];
+        lightness * places.coverage[lane]
+    }
+}
+
+/// Places on a segment: all that their lightness depends on but the segment's light.
+struct Places<const N: usize> {
+    /// Along the axis, from -1 to 1.
+    position: [f64; N],
+    /// How far the axis has descended there.
+    descent: [f64; N],
+    /// How far beyond an end, in widths.
+    beyond: [f64; N],
+    /// How far the section has fallen there, as a share of its height.
+    fall: [f64; N],
+    /// The lightness of so much of the pixel as is yarn: 0 outside, 1 inside.
+    coverage: [f64; N],
+}
+
+impl<const N: usize> Default for Places<N> {
+    #[inline(always)]
+    fn default() -> Self {
+        let none = [0.0; N];
+        Self { position: none, descent: none, beyond: none, fall: none, coverage: none }
+    }
+}
+
+/// The cube root of a number from 0 to 1, to 1e-14, and of the nearer of both beyond: a guess from
+/// the exponent, and two of Halley's steps. The library's is rounded exactly, and was 4 % of a
+/// capture's time.
+#[inline(always)]
+fn cube_root_of_share(number: f64) -> f64 {
     /// Two thirds of the exponent's offset, less what keeps the guess within 5 %.
-    const GUESS: u64 = 0x2a9f_7893_0000_0000;
-    let mut root = f64::from_bits(number.to_bits() / 3 + GUESS);
+    const GUESS: u32 = 0x2a51_37a0;
+    // A guess needs no more than single precision, whose bits registers divide together.
+    #[expect(clippy::cast_possible_truncation, reason = "a guess")]
+    let guess = f32::from_bits((number.max(0.0) as f32).to_bits() / 3 + GUESS);
+    let mut root = f64::from(guess);
     for _ in 0..2 {
         let cube = root * root * root;
         root *= (cube + 2.0 * number) / (2.0 * cube + number);
     }
-    root
+    if number <= 0.0 {
+        0.0
+    } else if number < 1.0 {
+        root
+    } else {
+        1.0
+    }
+}
+
+/// Samples that are worked out together, and a circle about them.
+#[derive(Clone, Debug)]
+struct SampleRun {
+    points: [DVec2; RUN],
+    centre: DVec2,
+    radius: f64,
+}
+
+impl SampleRun {
+    /// Up to [`RUN`] points. The last one fills the places of those that lack.
+    fn new(points: &[DVec2]) -> Self {
+        let low = points.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+        let high = points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+        let centre = low.midpoint(high);
+        let radius = points.iter().map(|point| point.distance(centre)).fold(0.0, f64::max);
+        Self { points: array::from_fn(|lane| points[lane.min(points.len() - 1)]), centre, radius }
+    }
 }
 
 /// Places where heights are asked for, pixels.
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
     pub(super) points: Vec<DVec2>,
-    /// A circle about each [`RUN`] of them: its centre and its radius.
-    runs: Vec<(DVec2, f64)>,
+    runs: Vec<SampleRun>,
 }
 
 impl Samples {
     pub(super) fn new(points: Vec<DVec2>) -> Self {
-        let circle = |run: &[DVec2]| {
-            let low = run.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-            let high = run.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
-            let centre = low.midpoint(high);
-            (centre, run.iter().map(|point| point.distance(centre)).fold(0.0, f64::max))
-        };
-        let runs = points.chunks(RUN).map(circle).collect();
+        let runs = points.chunks(RUN).map(SampleRun::new).collect();
         Self { points, runs }
     }
 
@@ -184,29 +281,50 @@ impl Samples {
 
 /// How much lighter than the ground a segment and its copies make each sample.
 pub(super) fn heights(segment: &Segment, lattice: &Lattice, samples: &Samples) -> Vec<f64> {
-    let mut heights = vec![0.0_f64; samples.points.len()];
-    let relief = Relief::new(segment);
-    let (radius, half_width) = (segment.bounding_radius() + 0.5, relief.bounding_half_width());
-    // Two cheap bounds before the square roots. All that they reject is outside, so the result is
-    // the same as without them; a test checks it.
-    let may_touch = |offset: DVec2, reach: f64| {
-        offset.length_squared() < (radius + reach).powi(2)
-            && relief.direction.perp_dot(offset).abs() < half_width + reach
-    };
-    for copy in segment.copies(lattice) {
-        let runs = heights.chunks_mut(RUN).zip(samples.points.chunks(RUN)).zip(&samples.runs);
-        for ((heights, points), (centre, reach)) in runs {
-            if !may_touch(*centre - copy, *reach) {
-                continue;
-            }
-            for (height, point) in heights.iter_mut().zip(points) {
-                let offset = *point - copy;
-                if may_touch(offset, 0.0) {
-                    *height = height.max(relief.height(offset));
+    heights_in_lights(&[*segment], lattice, samples).swap_remove(0)
+}
+
+/// The same for each of some segments that differ in nothing but their light.
+pub(super) fn heights_in_lights(
+    segments: &[Segment],
+    lattice: &Lattice,
+    samples: &Samples,
+) -> Vec<Vec<f64>> {
+    let mut heights = vec![vec![0.0_f64; samples.points.len()]; segments.len()];
+    let lights: Vec<Light> = segments.iter().map(Light::of).collect();
+    let relief = Relief::new(&segments[0]);
+    let (radius, half_width) = (segments[0].bounding_radius() + 0.5, relief.bounding_half_width());
+    let copies = segments[0].copies(lattice);
+    // Compiled once for each set of instructions that a processor may have. Without those for wide
+    // registers the same operations give the same bits.
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for copy in copies {
+                for (number, run) in samples.runs.iter().enumerate() {
+                    let middle = run.centre - copy;
+                    // Two cheap bounds before the square roots. All that the strip rejects is
+                    // outside; a test checks it.
+                    if middle.length_squared() >= (radius + run.radius) * (radius + run.radius)
+                        || relief.direction.perp_dot(middle).abs() >= half_width + run.radius
+                    {
+                        continue;
+                    }
+                    let offsets = run.points.map(|point| point - copy);
+                    let mut places = relief.places(offsets);
+                    for (coverage, offset) in places.coverage.iter_mut().zip(offsets) {
+                        let is_near = offset.length_squared() < radius * radius;
+                        *coverage = if is_near { *coverage } else { 0.0 };
+                    }
+                    for (heights, light) in heights.iter_mut().zip(&lights) {
+                        let own: [f64; RUN] = array::from_fn(|lane| light.at(&places, lane));
+                        let heights = heights[number * RUN..].iter_mut();
+                        heights.zip(own).for_each(|(height, own)| *height = height.max(own));
+                    }
                 }
             }
-        }
-    }
+        },
+    );
     heights
 }
 
@@ -258,8 +376,10 @@ mod tests {
     fn cube_roots_of_coverages() {
         for step in 1..=1000 {
             let number = double(step) / 1000.0;
-            assert!((cube_root(number) / number.cbrt() - 1.0).abs() < 1e-14, "{number}");
+            let root = cube_root_of_share(number);
+            assert!((root / number.cbrt() - 1.0).abs() < 1e-14, "{number}");
         }
+        assert_eq!([-1.0, 0.0, 1.0, 2.0].map(cube_root_of_share), [0.0, 0.0, 1.0, 1.0]);
     }
 
     #[test]

@@ -12,6 +12,8 @@
 //! Not promised: true arc lengths. Positions along a segment are measured on the chord between its
 //! ends.
 
+use std::ops::Range;
+
 use glam::DVec2;
 
 use super::lattice::Lattice;
@@ -56,6 +58,8 @@ pub(super) const S_SCALE: f64 = 1.5 / S_EXTREMUM;
 impl Segment {
     /// Number of parameters that a fit may change.
     pub(super) const PARAMETERS: usize = 11;
+    /// Indices of the parameters of its light: they change neither its place nor its shape.
+    pub(super) const LIGHT_PARAMETERS: Range<usize> = 5..9;
     /// Indices of the parameters that are measured in pixels.
     pub(super) const PIXEL_PARAMETERS: [usize; 6] = [0, 1, 3, 4, 9, 10];
 

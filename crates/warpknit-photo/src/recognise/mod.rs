@@ -75,6 +75,8 @@ pub struct RecogniseSettings {
     pub kinds: Kinds,
     /// Chains of full bars, front first: nothing else is tried.
     pub lapping: Vec<String>,
+    /// Whether lappings that are in no catalogue are left out.
+    pub only_known: bool,
     /// Pixels of the first photo a mm.
     pub pixels_per_mm: Option<f64>,
 }
@@ -254,7 +256,8 @@ fn fitted(
     let mut fits = refine(views, likely, FITTED);
     views.iter_mut().for_each(FaceView::fold_few_courses);
     let unexplained = fits.first().map_or(1.0, |best| 1.0 - best.explained_of_common(views));
-    if settings.kinds != Kinds::Weft && unexplained > SEARCHED_FROM {
+    let may_search = settings.kinds != Kinds::Weft && !settings.only_known;
+    if may_search && unexplained > SEARCHED_FROM {
         let mut refined = searched(views);
         refined.retain(|fit| fits.iter().all(|other| other.candidate.key != fit.candidate.key));
         let best = fits.first().map_or(0.0, |fit| fit.explained);
