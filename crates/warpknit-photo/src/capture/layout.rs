@@ -10,7 +10,7 @@
 //! best layout is refined on a finer grid. If it is not plausible then, the next one is tried. Who
 //! has a better explanation asks for the weave alone.
 //!
-//! Cost: 0.5 to 2 s where a weave is clear, else 3 to 15 s on two cores.
+//! Cost: 0.5 to 2 s where a weave is clear, else 2 to 8 s on two cores.
 //!
 //! Not promised: the best layout of all. Two layouts of a knit may cost nearly the same, and a
 //! slightly different photo may then give the other one.

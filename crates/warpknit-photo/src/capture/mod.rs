@@ -19,7 +19,7 @@
 //! `plane` and `correlogram` hold image filters and the autocorrelation. `target` is the mean cell
 //! as the fits see it. `sheet` draws results for a person to check.
 //!
-//! Cost: about 1 s for the repeat and its mean, up to 15 s for the layout, on two cores; 160 MB for
+//! Cost: about 1 s for the repeat and its mean, up to 8 s for the layout, on two cores; 160 MB for
 //! a photo of 4 megapixels. The same photo gives the same bytes for any number of threads.
 //!
 //! Not promised: a scale. A photo doesn't say how large anything is. A person does, by the
