@@ -105,9 +105,9 @@ fn check_size(mean: &MeanRepeat<'_>) -> Result<()> {
     if lattice.shorter() < LEAST_CELL && !mean.is_clearly_woven() {
         let [a, b] = [lattice.a, lattice.b].map(vector);
         bail!(
-            "the cloth is no weave and repeats every {a} and {b} pixels, too small to see yarns in \
-             ({LEAST_CELL} pixels each way are needed): take it nearer, or give --anyway to write \
-             a guess"
+            "the cell of {a} and {b} pixels shows no clear weave, and is too small to see yarns in \
+             ({LEAST_CELL} pixels each way are needed): take the cloth nearer, or give --anyway to \
+             write a guess"
         );
     }
     Ok(())
@@ -148,8 +148,9 @@ fn pixels_per_mm(arguments: &Capture, photo: &RgbImage) -> Option<f64> {
     arguments.pixels_per_mm.or(arguments.dpi.map(|dpi| dpi / 25.4)).or(by_width)
 }
 
-/// The knit that explains a photo well enough, if any does. Beside a clear weave only a known one
-/// would: a search over all lappings takes as long as all else.
+/// The knit that explains a photo well enough, if any does. Beside a clear weave only known ones are
+/// tried: others are far less likely than that weave, and a search through them takes as long as all
+/// else.
 fn knit(
     arguments: &Capture,
     photo: &RgbImage,

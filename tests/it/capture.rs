@@ -9,7 +9,8 @@ use image::RgbImage;
 use image::imageops::FilterType;
 use warpknit::fabric::{Fabric, StrandDirection};
 use warpknit::photo::capture::{
-    CERTAIN, CaptureError, CaptureSettings, Captured, GivenLayout, Segment, capture,
+    CERTAIN, CaptureError, CaptureSettings, Captured, GivenLayout, Hypothesis, Layout, Segment,
+    capture,
 };
 
 use warpknit::photo::recognise::{ClothKey, Face, RecogniseSettings, recognise};
@@ -625,6 +626,26 @@ fn strands_of_a_repeat_too_small_to_see_are_a_guess_that_one_asks_for() {
     assert!(message.lines().count() == 1 && !folder.join("out").exists(), "{message}");
     let guessed = run(folder, &["far.png", "--structure", "free", "--anyway", "-o", "out"]);
     assert!(guessed.status.success(), "{}", String::from_utf8_lossy(&guessed.stderr));
+}
+
+/// A solver that stopped early or went astray took this plain weave for strands of no structure.
+#[test]
+fn a_scan_of_linen_is_a_weave_in_its_cell_and_in_cells_beside_it() {
+    let photo = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../shared/cloth-photos/rough_linen_diff_2k.jpg");
+    if !photo.is_file() {
+        println!("skipped: no photo {}", photo.display());
+        return;
+    }
+    let photo = image::open(photo).unwrap().into_rgb8();
+    for [ax, ay, bx, by] in [[4.19, -5.49, 4.18, 5.67], [4.15, -5.5, 4.2, 5.7]] {
+        let cell = Some([DVec2::new(ax, ay), DVec2::new(bx, by)]);
+        let found =
+            capture(&photo, &CaptureSettings { cell, ..CaptureSettings::default() }).unwrap();
+        let Layout { hypothesis, error, visible_error, .. } = found.layout;
+        assert_eq!(hypothesis, Hypothesis::Woven, "{ax}");
+        assert!(error < 0.08 && visible_error < 0.12, "{ax}: {error} {visible_error}");
+    }
 }
 
 /// A photo of a face of a built-in fabric, as another mill makes it.

@@ -6,8 +6,8 @@
 //! are a projection of the parameters onto the bounds of what a yarn can be.
 //!
 //! Cost: two renderings of one segment for each of its seven parameters of place, and one for those
-//! of its light together, an iteration; some milliseconds at 26 x 26 points. Not promised: the global minimum. The result depends on the
-//! start, so that many starts compete.
+//! of its light together, an iteration; a millisecond or two at 26 x 26 points. Not promised: the
+//! global minimum. The result depends on the start, so that many starts compete.
 
 use rayon::prelude::*;
 

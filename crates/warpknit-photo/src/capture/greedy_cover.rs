@@ -197,8 +197,8 @@ fn responses(
     [columns, rows]: [usize; 2],
 ) -> Vec<f64> {
     let mut responses = vec![0.0; columns * rows];
-    // Rows outside, weights inside: a row of responses stays in the nearest cache, and the inner loop
-    // runs along it in wide registers.
+    // Rows outside, weights inside: a row of responses stays in the nearest cache, and the inner
+    // loop runs along it in wide registers.
     Arch::new().dispatch(
         #[inline(always)]
         || {

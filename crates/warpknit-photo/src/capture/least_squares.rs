@@ -5,9 +5,9 @@
 //!
 //! Method: the Levenberg-Marquardt algorithm (Levenberg 1944, *A method for the solution of certain
 //! non-linear problems in least squares*; Marquardt 1963, *An algorithm for least-squares
-//! estimation of nonlinear parameters*) on the normal equations. Parameters are scaled by the
-//! largest norms that their columns had, and convergence is judged as in MINPACK (Moré 1978). The
-//! damping follows the gain of each step (Nielsen 1999, *Damping parameter in Marquardt's method*).
+//! estimation of nonlinear parameters*) with a trust region, as in MINPACK (Moré 1978, *The
+//! Levenberg-Marquardt algorithm: implementation and theory*), whose constants it has. Other than
+//! there, steps come from the normal equations by Cholesky's decomposition.
 //!
 //! Cost: a product of half of all pairs of columns for each Jacobian: a tenth of a millisecond for
 //! two segments, one for eight. Not promised: more than half the digits of the residuals, which is
@@ -17,15 +17,18 @@ use pulp::Arch;
 
 /// Relative change of the error and of the parameters at which the iteration has converged. Layouts
 /// are compared by differences of a percent; a smaller tolerance only adds iterations.
-const TOLERANCE: f64 = 1e-5;
-/// Damping of the first step, as a share of the squared scales: nearly a Gauss-Newton step.
-const FIRST_DAMPING: f64 = 1e-3;
-/// The least that a step is damped. Without any, parameters that don't matter have no solution.
-const LEAST_DAMPING: f64 = 1e-9;
-/// Damping at which no step will help.
-const MOST_DAMPING: f64 = 1e12;
+const TOLERANCE: f64 = 1e-4;
+/// Size of the first trust region, in norms of the scaled start.
+const FIRST_REGION: f64 = 100.0;
 /// Share of the predicted gain from which on a step is taken.
 const LEAST_GAIN: f64 = 1e-4;
+/// A step reaches the edge of the trust region to this share of it.
+const NEAR_EDGE: f64 = 0.1;
+/// Searches for the damping that leads there, at most.
+const DAMPINGS: usize = 10;
+/// The least that a step is damped, of squared scales. Without any, parameters that don't matter
+/// have no solution.
+const LEAST_DAMPING: f64 = 1e-12;
 /// Columns that are multiplied with another one together: what registers hold.
 const TOGETHER: usize = 4;
 /// Rows that are added up side by side.
@@ -33,14 +36,14 @@ const LANES: usize = 8;
 
 /// A least-squares problem.
 pub(super) trait LeastSquares {
-    /// The residuals at some parameters.
+    /// The residuals at some parameters, one and more.
     fn residuals(&self, parameters: &[f64]) -> Vec<f64>;
     /// Their derivatives, a column of all residuals for each parameter.
     fn jacobian(&self, parameters: &[f64]) -> Vec<f64>;
 }
 
 /// The parameters at a local minimum near a start, after at most so many evaluations of the
-/// residuals.
+/// residuals beside the first.
 pub(super) fn minimise(
     problem: &impl LeastSquares,
     start: Vec<f64>,
@@ -49,31 +52,22 @@ pub(super) fn minimise(
     let mut at = start;
     let mut residuals = problem.residuals(&at);
     let mut scales = vec![0.0_f64; at.len()];
-    let (mut damping, mut growth, mut left) = (FIRST_DAMPING, 2.0, evaluations);
     let mut normal = NormalEquations::new(&problem.jacobian(&at), &residuals);
     normal.widen(&mut scales);
-    while left > 0 && damping < MOST_DAMPING {
-        left -= 1;
-        let step = normal.step(damping, &scales);
+    let mut region = TrustRegion::around(&at, &scales);
+    for _ in 0..evaluations {
+        let step = region.step(&normal, &scales);
         let moved: Vec<f64> = at.iter().zip(&step).map(|(at, step)| at + step).collect();
         let fresh = problem.residuals(&moved);
-        let cost = square(&residuals);
-        let gain = 1.0 - square(&fresh) / cost;
-        let predicted = normal.predicted(&step, damping, &scales) / cost;
-        let is_settled = gain.abs() <= TOLERANCE && predicted <= TOLERANCE
-            || scaled(&step, &scales) <= TOLERANCE.powi(2) * scaled(&at, &scales);
-        let share = gain / predicted;
-        let is_better = share > LEAST_GAIN;
+        let gain = Gain::new([&residuals, &fresh], &step, &normal, (region.damping, &scales));
+        region.adapt(&gain);
+        let is_better = gain.share() >= LEAST_GAIN;
         if is_better {
             (at, residuals) = (moved, fresh);
-            damping *= (1.0 - (2.0 * share - 1.0).powi(3)).max(1.0 / 3.0);
-            damping = damping.max(LEAST_DAMPING);
-            growth = 2.0;
-        } else {
-            damping *= growth;
-            growth *= 2.0;
         }
-        if is_settled {
+        // Numbers that are none end it too.
+        let is_wide = region.radius > TOLERANCE * scaled(&at, &scales).sqrt();
+        if gain.is_small() || !is_wide {
             break;
         }
         if is_better {
@@ -82,6 +76,119 @@ pub(super) fn minimise(
         }
     }
     at
+}
+
+/// What a step brings.
+struct Gain {
+    /// Length of the step in scales.
+    length: f64,
+    /// The sum of squares that it takes off, as a share of the sum before.
+    actual: f64,
+    /// Such shares if the problem were linear: of the step itself, and of its damping.
+    linear: f64,
+    damped: f64,
+}
+
+impl Gain {
+    /// The gain of a step from residuals to others.
+    fn new(
+        [before, after]: [&[f64]; 2],
+        step: &[f64],
+        normal: &NormalEquations,
+        (damping, scales): (f64, &[f64]),
+    ) -> Self {
+        let cost = square(before);
+        let square_length = scaled(step, scales);
+        let damped = damping * square_length / cost;
+        let linear = -product(&normal.gradient, step) / cost - damped;
+        // Beyond, only that it is far worse counts.
+        let ratio = square(after) / cost;
+        let actual = if ratio < 100.0 { 1.0 - ratio } else { -1.0 };
+        Self { length: square_length.sqrt(), actual, linear, damped }
+    }
+
+    fn predicted(&self) -> f64 {
+        self.linear + 2.0 * self.damped
+    }
+
+    /// The actual gain as a share of the predicted one.
+    fn share(&self) -> f64 {
+        let predicted = self.predicted();
+        if predicted > 0.0 { self.actual / predicted } else { 0.0 }
+    }
+
+    /// Whether there is no more to be gained.
+    fn is_small(&self) -> bool {
+        self.actual.abs() <= TOLERANCE && self.predicted() <= TOLERANCE && self.share() <= 2.0
+    }
+}
+
+/// How far the problem is taken to be linear.
+struct TrustRegion {
+    /// In scales.
+    radius: f64,
+    /// The damping of the last step, which kept it inside.
+    damping: f64,
+    is_first: bool,
+}
+
+impl TrustRegion {
+    fn around(start: &[f64], scales: &[f64]) -> Self {
+        let size = scaled(start, scales).sqrt();
+        let radius = FIRST_REGION * if size > 0.0 { size } else { 1.0 };
+        Self { radius, damping: 0.0, is_first: true }
+    }
+
+    /// The best step inside it.
+    fn step(&mut self, normal: &NormalEquations, scales: &[f64]) -> Vec<f64> {
+        let Self { radius, .. } = *self;
+        let mut best = normal.damped(0.0, scales);
+        let mut excess = best.length - radius;
+        if excess <= NEAR_EDGE * radius {
+            self.damping = 0.0;
+            return best.step;
+        }
+        // Newton's method for the damping whose step ends on the edge, between bounds.
+        let mut low = excess / radius / best.bend;
+        let steepest = normal.gradient.iter().zip(scales).map(|(slope, scale)| slope / scale);
+        let mut high = steepest.map(|slope| slope * slope).sum::<f64>().sqrt() / radius;
+        let mut damping = self.damping.max(low).min(high);
+        for _ in 0..DAMPINGS {
+            best = normal.damped(damping, scales);
+            excess = best.length - radius;
+            if excess.abs() <= NEAR_EDGE * radius {
+                break;
+            }
+            if excess > 0.0 {
+                low = low.max(damping);
+            } else {
+                high = high.min(damping);
+            }
+            damping = (damping + excess / radius / best.bend).max(low).min(high);
+        }
+        self.damping = damping;
+        best.step
+    }
+
+    /// Follows the gain of a step.
+    fn adapt(&mut self, gain: &Gain) {
+        if self.is_first {
+            self.radius = self.radius.min(gain.length);
+            self.is_first = false;
+        }
+        let share = gain.share();
+        if share <= 0.25 {
+            // The lowest place of the parabola through what is known along the step.
+            let slope = gain.linear + gain.damped;
+            let lowest = 0.5 * slope / (slope - 0.5 * gain.actual);
+            let cut = if gain.actual >= 0.0 { 0.5 } else { lowest.max(0.1) };
+            self.radius = cut * self.radius.min(10.0 * gain.length);
+            self.damping /= cut;
+        } else if self.damping == 0.0 || share >= 0.75 {
+            self.radius = 2.0 * gain.length;
+            self.damping *= 0.5;
+        }
+    }
 }
 
 /// Sum of squares.
@@ -138,11 +245,11 @@ impl NormalEquations {
     }
 
     /// The step that solves the equations with a damping on the diagonal.
-    fn step(&self, damping: f64, scales: &[f64]) -> Vec<f64> {
+    fn damped(&self, damping: f64, scales: &[f64]) -> DampedStep {
         let count = self.gradient.len();
         let mut lower = self.products.clone();
         for (row, scale) in scales.iter().enumerate() {
-            lower[row * (count + 1)] += damping * scale * scale;
+            lower[row * (count + 1)] += damping.max(LEAST_DAMPING) * scale * scale;
         }
         // Cholesky's decomposition, row by row.
         for row in 0..count {
@@ -153,26 +260,37 @@ impl NormalEquations {
                     (rest[column] - product(&rest[..column], &other[..column])) / other[column];
             }
             // Rounding may take the pivot of a column below 0 that others nearly make up.
-            rest[row] = (rest[row] - square(&rest[..row])).max(f64::MIN_POSITIVE).sqrt();
+            let least = LEAST_DAMPING * scales[row] * scales[row];
+            rest[row] = (rest[row] - square(&rest[..row])).max(least).sqrt();
         }
-        let mut step = vec![0.0; count];
-        for row in 0..count {
-            let own = &lower[row * count..];
-            step[row] = (-self.gradient[row] - product(&own[..row], &step[..row])) / own[row];
-        }
+        let forward = |right: &dyn Fn(usize) -> f64| {
+            let mut solved = vec![0.0; count];
+            for row in 0..count {
+                let own = &lower[row * count..];
+                solved[row] = (right(row) - product(&own[..row], &solved[..row])) / own[row];
+            }
+            solved
+        };
+        let mut step = forward(&|row| -self.gradient[row]);
         for row in (0..count).rev() {
             step[row] /= lower[row * (count + 1)];
             let own = step[row];
             let entries = &lower[row * count..][..row];
             step[..row].iter_mut().zip(entries).for_each(|(step, entry)| *step -= own * entry);
         }
-        step
+        let length = scaled(&step, scales).sqrt();
+        let bend = square(&forward(&|row| scales[row] * scales[row] * step[row] / length));
+        DampedStep { step, length, bend }
     }
+}
 
-    /// By how much a damped step lowers the sum of squares if the problem is linear.
-    fn predicted(&self, step: &[f64], damping: f64, scales: &[f64]) -> f64 {
-        damping * scaled(step, scales) - product(&self.gradient, step)
-    }
+/// A step that solves damped equations.
+struct DampedStep {
+    step: Vec<f64>,
+    /// In scales.
+    length: f64,
+    /// By how much more damping would shorten it, as a share of its length.
+    bend: f64,
 }
 
 /// Scalar product.

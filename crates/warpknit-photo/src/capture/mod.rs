@@ -309,7 +309,8 @@ struct RepeatView {
     unit: UnitCell,
 }
 
-/// The light of a view. It takes thrice the picture's memory, and its mean cell is all that is kept.
+/// The light of a view. It takes nearly three times the picture's memory, and nothing but its mean
+/// cell is kept.
 struct ViewLight {
     lightness: Plane,
     /// The same without slow shading.
