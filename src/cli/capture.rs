@@ -149,8 +149,8 @@ fn pixels_per_mm(arguments: &Capture, photo: &RgbImage) -> Option<f64> {
 }
 
 /// The knit that explains a photo well enough, if any does. Beside a clear weave only known ones are
-/// tried: others are far less likely than that weave, and a search through them takes as long as all
-/// else.
+/// tried: others are far less likely than that weave, and a search through them would take a third of
+/// the time.
 fn knit(
     arguments: &Capture,
     photo: &RgbImage,

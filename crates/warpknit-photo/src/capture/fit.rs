@@ -75,7 +75,7 @@ impl LayoutFit {
 }
 
 /// Moves segments until their rendering matches the cell. `iterations` bounds the evaluations of
-/// the solver: that many for each parameter.
+/// the solver: that many for each parameter and once more.
 pub(super) fn refine(
     target: &FitTarget,
     hypothesis: Hypothesis,
