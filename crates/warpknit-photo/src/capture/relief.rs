@@ -100,7 +100,7 @@ impl Relief {
 
     /// Lightness of the axis relative to the ground.
     pub(super) fn axis_lightness(&self, along: f64) -> f64 {
-        Light::of(&self.segment).along_axis(self.position(along), self.descent(along))
+        SegmentLight::of(&self.segment).along_axis(self.position(along), self.descent(along))
     }
 
     /// Coordinates along and across the segment for an offset from its middle.
@@ -116,8 +116,8 @@ impl Relief {
 
     /// The place on the segment of each offset from its middle.
     #[inline(always)]
-    fn places<const N: usize>(&self, offsets: [DVec2; N]) -> Places<N> {
-        let mut places = Places::<N>::default();
+    fn places<const N: usize>(&self, offsets: [DVec2; N]) -> SegmentPlaces<N> {
+        let mut places = SegmentPlaces::<N>::default();
         for (lane, offset) in offsets.into_iter().enumerate() {
             let at = self.local(offset);
             // Coverage of a pixel by a straight edge, as a linear ramp: antialiasing of the model,
@@ -138,7 +138,7 @@ impl Relief {
 
     /// Lightness at an offset from the segment's middle relative to the ground; 0 and less outside.
     pub(super) fn height(&self, offset: DVec2) -> f64 {
-        Light::of(&self.segment).at(&self.places([offset]), 0)
+        SegmentLight::of(&self.segment).at(&self.places([offset]), 0)
     }
 
     /// Whether the segment lies over a point at an offset from its middle.
@@ -162,14 +162,14 @@ impl Relief {
 
 /// How light a segment is.
 #[derive(Clone, Copy)]
-struct Light {
+struct SegmentLight {
     top: f64,
     round: f64,
     sag: f64,
     tilt: f64,
 }
 
-impl Light {
+impl SegmentLight {
     fn of(segment: &Segment) -> Self {
         let Segment { top, round, sag, tilt, .. } = *segment;
         Self { top, round, sag, tilt }
@@ -183,7 +183,7 @@ impl Light {
 
     /// Lightness of a place relative to the ground.
     #[inline(always)]
-    fn at<const N: usize>(self, places: &Places<N>, lane: usize) -> f64 {
+    fn at<const N: usize>(self, places: &SegmentPlaces<N>, lane: usize) -> f64 {
         let lightness = self.along_axis(places.position[lane], places.descent[lane])
             - END_SLOPE * places.beyond[lane]
             - self.round * places.fall[lane];
@@ -192,7 +192,7 @@ impl Light {
 }
 
 /// Places on a segment: all that their lightness depends on but the segment's light.
-struct Places<const N: usize> {
+struct SegmentPlaces<const N: usize> {
     /// Along the axis, from -1 to 1.
     position: [f64; N],
     /// How far the axis has descended there.
@@ -205,7 +205,7 @@ struct Places<const N: usize> {
     coverage: [f64; N],
 }
 
-impl<const N: usize> Default for Places<N> {
+impl<const N: usize> Default for SegmentPlaces<N> {
     #[inline(always)]
     fn default() -> Self {
         let none = [0.0; N];
@@ -291,7 +291,7 @@ pub(super) fn heights_in_lights(
     samples: &Samples,
 ) -> Vec<Vec<f64>> {
     let mut heights = vec![vec![0.0_f64; samples.points.len()]; segments.len()];
-    let lights: Vec<Light> = segments.iter().map(Light::of).collect();
+    let lights: Vec<SegmentLight> = segments.iter().map(SegmentLight::of).collect();
     let relief = Relief::new(&segments[0]);
     let (radius, half_width) = (segments[0].bounding_radius() + 0.5, relief.bounding_half_width());
     let copies = segments[0].copies(lattice);
