@@ -7,6 +7,8 @@
 //! 1995, *Fast normalized cross-correlation*), and the normal matrix does not depend on the shift.
 //! Cost: two transforms of the cell.
 
+use std::cmp::Ordering;
+
 use glam::{DMat4, DVec4};
 use rustfft::num_complex::Complex32;
 
@@ -50,6 +52,27 @@ impl CellSpectrum {
         let power = values.iter().map(|value| f64::from(value.norm_sqr())).sum::<f64>()
             / double(fourier.len());
         Self { values, power }
+    }
+
+    /// The cell at a coarser resolution: the low frequencies of the spectrum of `from`. It keeps the
+    /// power of all, so that shares explained are of the same whole.
+    pub(super) fn coarser(&self, from: &Fourier, to: &Fourier) -> Self {
+        let scale = narrow(double(to.len()) / double(from.len()));
+        let axis = |coarse: usize, fine: usize| {
+            // The highest frequency of the coarse cell stands for two of the fine one.
+            (0..coarse).map(move |at| match (2 * at).cmp(&coarse) {
+                Ordering::Less => Some(at),
+                Ordering::Equal => None,
+                Ordering::Greater => Some(fine - (coarse - at)),
+            })
+        };
+        let values = axis(to.height, from.height).flat_map(|y| {
+            axis(to.width, from.width).map(move |x| {
+                let value = y.zip(x).map(|(y, x)| self.values[y * from.width + x]);
+                value.map_or(Complex32::default(), |value| value * scale)
+            })
+        });
+        Self { values: values.collect(), power: self.power * f64::from(scale) }
     }
 }
 
@@ -167,5 +190,34 @@ impl Gaussian {
         for (row, weight) in spectrum.chunks_exact_mut(self.across.len()).zip(&self.down) {
             row.iter_mut().zip(&self.across).for_each(|(value, other)| *value *= weight * other);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plane::float;
+
+    /// Waves of few periods, at so many places each way.
+    fn waves(width: usize, height: usize) -> Vec<f32> {
+        let wave = |at: usize, side: usize, count: f32| {
+            (std::f32::consts::TAU * count * float(at) / float(side)).sin()
+        };
+        let at = |x, y| {
+            wave(x, width, 3.0) * wave(y, height, 2.0) + wave(y, height, 5.0) + wave(x, width, -1.0)
+        };
+        (0..width * height).map(|place| at(place % width, place / width)).collect()
+    }
+
+    #[test]
+    fn a_coarser_cell_is_that_of_fewer_places() {
+        let [from, to] = [(16, 24), (8, 12)].map(|(width, height)| Fourier::new(width, height));
+        let fine = CellSpectrum::new(&from, &waves(16, 24));
+        let coarse = CellSpectrum::new(&to, &waves(8, 12));
+        let found = fine.coarser(&from, &to);
+        for (a, b) in found.values.iter().zip(&coarse.values) {
+            assert!((a - b).norm() < 1e-3, "{a} {b}");
+        }
+        assert!((found.power / coarse.power - 1.0).abs() < 1e-4);
     }
 }

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::Face;
 use super::candidate::{Candidate, proportioned};
 use super::compare::Template;
+use super::sketch::Raster;
 use super::view::{FaceView, Score};
 use crate::plane::double;
 use warpknit_core::fabric::Fabric;
@@ -171,12 +172,13 @@ fn fit(
         let sketch = candidate.sketch(seen(view, views.len(), candidate));
         let mirrored = is_mirrored.then(|| sketch.mirrored());
         let sketch = mirrored.as_ref().unwrap_or(sketch);
+        let raster = Raster::fine(sketch.repeat);
         let mut best: Vec<Score> = Vec::new();
         for blur in blurs {
             let template: Template = view.template(sketch, *blur)?;
             let own = match among {
-                Some(among) => view.scores(&template, sketch.repeat, among[at].iter().copied()),
-                None => view.scores(&template, sketch.repeat, 0..view.frames.len()),
+                Some(among) => view.scores(&template, raster, among[at].iter().copied()),
+                None => view.scores(&template, raster, 0..view.frames.len()),
             };
             if best
                 .first()

@@ -22,6 +22,7 @@ use rayon::prelude::*;
 use super::candidate::{Candidate, full_bars, proportioned};
 use super::fit::{Fit, fit_in};
 use super::same::ClothKey;
+use super::sketch::{Detail, Raster};
 use super::stitches::{Lap, Laps, NEEDLES, Stitches};
 use super::view::{FaceView, MOST_COURSES};
 use crate::plane::double;
@@ -50,6 +51,9 @@ const SAME_BAR: usize = 4;
 const NEAR: usize = 8;
 /// Lappings that are kept while searching.
 const KEPT: usize = 200;
+/// Of lappings that were drawn roughly, at least so many and at least one of so many are worth a finer
+/// look.
+const WORTH_FINE: [usize; 2] = [40, 8];
 /// Blur of sketches, as for drafts.
 const BLUR: f64 = 1.2;
 
@@ -166,7 +170,7 @@ impl Search {
 /// Numbers of courses after which all photos repeat, and the frames in which they do so best.
 fn hypotheses(views: &mut [FaceView]) -> Vec<CourseHypothesis> {
     let counts = 1..=MOST_COURSES;
-    views.iter_mut().for_each(FaceView::fold_few_courses);
+    views.iter_mut().for_each(FaceView::fold_few_courses_roughly);
     let views = &*views;
     let shares = |view: &FaceView, count: usize| -> Vec<(f64, usize)> {
         let mut shares: Vec<_> =
@@ -300,22 +304,34 @@ impl Compared<'_> {
         let fresh: Vec<Laps> =
             all.into_iter().filter(|laps| self.seen.insert(canonical(laps))).collect();
         self.stitches.prepare(&fresh);
-        let this = &*self;
+        let most = (fresh.len() / WORTH_FINE[1]).max(WORTH_FINE[0]);
+        let mut rough = self.in_detail(Detail::Rough, fresh);
+        rough.truncate(most);
+        let likely = rough.into_iter().map(|(_, laps)| laps).collect();
+        self.in_detail(Detail::Fine, likely)
+    }
+
+    /// What lappings explain of the photos, drawn in some detail, the best first.
+    fn in_detail(&self, detail: Detail, all: Vec<Laps>) -> Found {
         let mut found: Found =
-            fresh.into_par_iter().map(|laps| (this.explained(&laps), laps)).collect();
+            all.into_par_iter().map(|laps| (self.explained(detail, &laps), laps)).collect();
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
         found
     }
 
     /// The share of the photos' variance that a lapping explains, the mean of the photos.
-    fn explained(&self, laps: &Laps) -> f64 {
-        let repeat = [1, self.hypothesis.courses];
+    fn explained(&self, detail: Detail, laps: &Laps) -> f64 {
+        let raster = Raster { repeat: [1, self.hypothesis.courses], detail };
+        let blur = match detail {
+            Detail::Fine => BLUR,
+            Detail::Rough => BLUR / 2.0,
+        };
         let each = self.views.iter().zip(&self.hypothesis.frames).map(|(view, frames)| {
-            let channels = self.stitches.channels(laps, view.face);
+            let channels = self.stitches.channels(laps, view.face, detail);
             let channels = channels.each_ref().map(|channel| &channel[..]);
-            let template = view.template_of(repeat, channels, BLUR);
+            let template = view.template_of(raster, channels, blur);
             let best = template.and_then(|template| {
-                view.scores(&template, repeat, frames.iter().copied()).first().copied()
+                view.scores(&template, raster, frames.iter().copied()).first().copied()
             });
             best.map_or(0.0, |best| best.explained)
         });

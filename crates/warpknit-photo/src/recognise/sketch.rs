@@ -39,6 +39,23 @@ pub(super) const CHANNELS: usize = 4;
 /// No yarn at all is seen.
 pub(super) const NONE: u8 = u8::MAX;
 
+/// How finely a repeat is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Detail {
+    /// As sketches are.
+    Fine,
+    /// Half as many pixels each way: enough to tell which lappings are not worth a finer look.
+    Rough,
+}
+
+/// The pixels of a repeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Raster {
+    /// Wales and courses.
+    pub(super) repeat: [usize; 2],
+    pub(super) detail: Detail,
+}
+
 /// The repeat of a cloth as seen from one face, y down.
 #[derive(Clone, Debug)]
 pub(super) struct Sketch {
@@ -66,6 +83,29 @@ pub(super) struct HeightBuffer {
     /// Pixels a mm.
     pub(super) scale: DVec2,
     pub(super) tops: Vec<Top>,
+}
+
+impl Detail {
+    /// Pixels to a wale and to a course.
+    pub(super) fn pixels(self) -> [usize; 2] {
+        match self {
+            Self::Fine => [WALE, COURSE],
+            Self::Rough => [WALE / 2, COURSE / 2],
+        }
+    }
+}
+
+impl Raster {
+    /// The pixels of a repeat's sketch.
+    pub(super) fn fine(repeat: [usize; 2]) -> Self {
+        Self { repeat, detail: Detail::Fine }
+    }
+
+    /// Pixels across and down.
+    pub(super) fn size(self) -> [usize; 2] {
+        let [wale, course] = self.detail.pixels();
+        [self.repeat[0] * wale, self.repeat[1] * course]
+    }
 }
 
 impl Top {

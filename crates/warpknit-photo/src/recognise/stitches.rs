@@ -9,7 +9,9 @@
 //! each place. Then rows are moved as the wales bend. All wales of full bars are alike, so that a
 //! repeat is one wale wide and needles count by their differences only.
 //!
-//! Cost: a look at some hundred places a stitch. Not promised: the picture of a
+//! Rough lappings are put together from the stitches at half the resolution.
+//!
+//! Cost: a look at some hundred places a stitch, a quarter of that for a rough lapping. Not promised: the picture of a
 //! draft: stitches are lit by their depth alone. A channel of light of an irregular lapping's face correlates
 //! by 0.5 only with that of a draft that is lit so too.
 
@@ -20,7 +22,7 @@ use rayon::prelude::*;
 
 use super::Face;
 use super::candidate::{full_bars, proportioned};
-use super::sketch::{CHANNELS, COURSE, FINE, HeightBuffer, NONE, WALE};
+use super::sketch::{CHANNELS, COURSE, Detail, FINE, HeightBuffer, NONE, WALE};
 use crate::plane::{double, narrow};
 use warpknit_core::fabric::Fabric;
 use warpknit_core::knit::mesh::StructureMesh;
@@ -58,8 +60,10 @@ struct Spot {
 /// The stitches of two full bars.
 pub(super) struct Stitches {
     fabric: Fabric,
-    /// From the face and from the back, for each bar and each kind.
-    drawn: [Vec<Vec<Spot>>; 2],
+    /// From the face and from the back, for each bar and each kind: at the resolution of
+    /// height buffers, and at half of it.
+    fine: [Vec<Vec<Spot>>; 2],
+    rough: [Vec<Vec<Spot>>; 2],
     /// By how much wales bend in each course, of the size of a wale and a course, for the needles
     /// of all bars.
     bends: BTreeMap<Vec<Vec<i32>>, Vec<DVec2>>,
@@ -74,13 +78,14 @@ impl Stitches {
             .into_par_iter()
             .map(|kind| [Face::Front, Face::Back].map(|face| drawn(&fabric, kind, face)))
             .collect();
-        let mut all: [Vec<Vec<Spot>>; 2] = [Vec::new(), Vec::new()];
+        let mut fine: [Vec<Vec<Spot>>; 2] = [Vec::new(), Vec::new()];
         for kind in kinds {
-            for (to, own) in all.iter_mut().zip(kind) {
+            for (to, own) in fine.iter_mut().zip(kind) {
                 to.extend(own);
             }
         }
-        Some(Self { fabric, drawn: all, bends: BTreeMap::new() })
+        let rough = fine.each_ref().map(|all| all.iter().map(|own| coarser(own)).collect());
+        Some(Self { fabric, fine, rough, bends: BTreeMap::new() })
     }
 
     /// Computes how wales bend in some lappings, unless that is known.
@@ -111,21 +116,25 @@ impl Stitches {
 
     /// The channels of a lapping's repeat as seen from a face. Lappings that were not prepared stand
     /// upright.
-    pub(super) fn channels(&self, laps: &Laps, face: Face) -> [Vec<f32>; CHANNELS] {
+    pub(super) fn channels(&self, laps: &Laps, face: Face, detail: Detail) -> [Vec<f32>; CHANNELS] {
         let courses = laps[0].len();
-        let height = ROWS * courses;
-        let mut heights = vec![f32::NEG_INFINITY; COLUMNS * height];
-        let mut lights = vec![[0.0_f32; CHANNELS]; COLUMNS * height];
-        let drawn = &self.drawn[usize::from(face == Face::Back)];
-        let rows = i32::try_from(height).expect("a few courses");
+        let [columns, course_rows] = detail.pixels().map(|pixels| pixels * FINE);
+        let mut heights = vec![f32::NEG_INFINITY; columns * course_rows * courses];
+        let mut lights = vec![[0.0_f32; CHANNELS]; heights.len()];
+        let drawn = match detail {
+            Detail::Fine => &self.fine,
+            Detail::Rough => &self.rough,
+        };
+        let drawn = &drawn[usize::from(face == Face::Back)];
+        let rows = i32::try_from(course_rows * courses).expect("a few courses");
         for (bar, own) in laps.iter().enumerate() {
             for (course, lap) in own.iter().enumerate() {
                 let kind = kind(*lap, own[(course + 1) % courses]);
-                let up = i32::try_from(course * ROWS).expect("a few courses");
+                let up = i32::try_from(course * course_rows).expect("a few courses");
                 for spot in &drawn[2 * kind + bar] {
                     let row = (spot.row - up).rem_euclid(rows);
                     let row = usize::try_from(row).expect("a remainder is not negative");
-                    let at = row * COLUMNS + spot.column;
+                    let at = row * columns + spot.column;
                     if spot.height > heights[at] {
                         heights[at] = spot.height;
                         lights[at] = spot.light;
@@ -133,7 +142,8 @@ impl Stitches {
                 }
             }
         }
-        bent(&lights, self.bends.get(&needles(laps)).map_or(&[], |bends| bends), face)
+        let bends = self.bends.get(&needles(laps)).map_or(&[][..], |bends| bends);
+        bent(&lights, [columns, course_rows], bends, face)
     }
 }
 
@@ -189,22 +199,47 @@ fn drawn(like: &Fabric, kind: usize, face: Face) -> Vec<Vec<Spot>> {
     .collect()
 }
 
-/// The light of a repeat at the resolution of sketches, its rows moved as wales bend.
-fn bent(lights: &[[f32; CHANNELS]], bends: &[DVec2], face: Face) -> [Vec<f32>; CHANNELS] {
-    let rows = lights.len() / COLUMNS;
+/// A stitch at half the resolution: the mean of each four places of which it covers two or more.
+fn coarser(all: &[Spot]) -> Vec<Spot> {
+    let mut fours: BTreeMap<(i32, usize), Vec<&Spot>> = BTreeMap::new();
+    for spot in all {
+        fours.entry((spot.row.div_euclid(2), spot.column / 2)).or_default().push(spot);
+    }
+    fours
+        .into_iter()
+        .filter(|(_, spots)| spots.len() >= 2)
+        .map(|((row, column), spots)| {
+            let share = narrow(double(spots.len()).recip());
+            let mean =
+                |of: &dyn Fn(&Spot) -> f32| share * spots.iter().map(|spot| of(spot)).sum::<f32>();
+            let light = std::array::from_fn(|channel| mean(&|spot| spot.light[channel]));
+            Spot { row, column, height: mean(&|spot| spot.height), light }
+        })
+        .collect()
+}
+
+/// The light of a repeat at the resolution of sketches, its rows moved as wales bend. A wale has so
+/// many columns, and a course so many rows.
+fn bent(
+    lights: &[[f32; CHANNELS]],
+    [columns, course_rows]: [usize; 2],
+    bends: &[DVec2],
+    face: Face,
+) -> [Vec<f32>; CHANNELS] {
+    let rows = lights.len() / columns;
     let mut channels = [(); CHANNELS].map(|()| vec![0.0_f32; lights.len() / (FINE * FINE)]);
     let share = 1.0 / narrow(double(FINE * FINE));
     for row in 0..rows {
-        let bend = bend_at(bends, -(double(row) + 0.5) / double(ROWS));
+        let bend = bend_at(bends, -(double(row) + 0.5) / double(course_rows));
         let right = match face {
             Face::Front => bend.x,
             Face::Back => -bend.x,
         };
-        let from = moved(row, bend.y * double(ROWS), rows) * COLUMNS;
-        let to = row / FINE * WALE;
+        let from = moved(row, bend.y * double(course_rows), rows) * columns;
+        let to = row / FINE * (columns / FINE);
         // The row begins somewhere and goes around.
-        let begin = moved(0, -right * double(COLUMNS), COLUMNS);
-        let (last, first) = lights[from..from + COLUMNS].split_at(begin);
+        let begin = moved(0, -right * double(columns), columns);
+        let (last, first) = lights[from..from + columns].split_at(begin);
         for (column, light) in first.iter().chain(last).enumerate() {
             for (channel, light) in channels.iter_mut().zip(light) {
                 channel[to + column / FINE] += share * light;
@@ -237,4 +272,41 @@ fn bend_at(bends: &[DVec2], course: f64) -> DVec2 {
     });
     let (a, b, c) = (3.0 * p1 - p0 - 3.0 * p2 + p3, 2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3, p2 - p0);
     p1 + 0.5 * (((a * t) + b) * t + c) * t
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rough_lapping_looks_like_a_fine_one() {
+        let laps: Laps =
+            vec![vec![(0, true), (3, false), (1, true)], vec![(1, true), (0, false), (1, false)]];
+        let mut stitches = Stitches::new(0.8).unwrap();
+        stitches.prepare(std::slice::from_ref(&laps));
+        for face in [Face::Front, Face::Back] {
+            let [fine, rough] =
+                [Detail::Fine, Detail::Rough].map(|detail| stitches.channels(&laps, face, detail));
+            for (fine, rough) in fine.iter().zip(&rough) {
+                let mean = |at: usize| {
+                    let (x, y) = (2 * (at % (WALE / 2)), 2 * (at / (WALE / 2)));
+                    [0, 1, WALE, WALE + 1].map(|off| fine[y * WALE + x + off]).iter().sum::<f32>()
+                        / 4.0
+                };
+                let fine: Vec<f32> = (0..rough.len()).map(mean).collect();
+                let alike = correlation(&fine, rough);
+                assert!(alike > 0.7, "{face:?} {alike}");
+            }
+        }
+    }
+
+    fn correlation(one: &[f32], other: &[f32]) -> f32 {
+        let centred = |values: &[f32]| -> Vec<f32> {
+            let mean = values.iter().sum::<f32>() / narrow(double(values.len()));
+            values.iter().map(|value| value - mean).collect()
+        };
+        let (one, other) = (centred(one), centred(other));
+        let product = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+        product(&one, &other) / (product(&one, &one) * product(&other, &other)).sqrt()
+    }
 }

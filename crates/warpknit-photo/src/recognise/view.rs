@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::bends::Bends;
 use super::compare::{CellSpectrum, Match, Template};
 use super::frames::{Frame, frames};
-use super::sketch::{CHANNELS, COURSE, Sketch, WALE};
+use super::sketch::{CHANNELS, Detail, Raster, Sketch, WALE};
 use super::unfold::{UnfoldedPhoto, beyond_stripes};
 use super::{Face, LEAST_BEYOND_STRIPES};
 use crate::capture::lattice::Lattice;
@@ -50,7 +50,7 @@ pub(super) struct FaceView {
     /// The photo's channels, linear light.
     channels: [Plane; 3],
     /// For each repeat that was asked for: its transforms, and its fold in each frame.
-    folds: BTreeMap<[usize; 2], (Fourier, Vec<FrameFold>)>,
+    folds: BTreeMap<Raster, (Fourier, Vec<FrameFold>)>,
 }
 
 /// The fold of a repeat in one frame.
@@ -104,8 +104,9 @@ impl FaceView {
     /// Folds the photo into a repeat in all frames, unless that is done.
     pub(super) fn fold(&mut self, repeat: [usize; 2]) {
         let sheets = &self.sheets;
-        self.folds.entry(repeat).or_insert_with(|| {
-            let fourier = Fourier::new(repeat[0] * WALE, repeat[1] * COURSE);
+        let raster = Raster::fine(repeat);
+        self.folds.entry(raster).or_insert_with(|| {
+            let fourier = fourier(raster);
             let folds = sheets
                 .par_iter()
                 .map(|sheet| {
@@ -120,17 +121,18 @@ impl FaceView {
 
     /// A sketch, ready to be compared.
     pub(super) fn template(&self, sketch: &Sketch, blur: f64) -> Option<Template> {
-        self.folds.get(&sketch.repeat).map(|(fourier, _)| Template::new(fourier, sketch, blur))
+        let (fourier, _) = self.folds.get(&Raster::fine(sketch.repeat))?;
+        Some(Template::new(fourier, sketch, blur))
     }
 
-    /// Channels of a sketch of a repeat, ready to be compared.
+    /// Channels of a repeat, ready to be compared. The blur is in their own pixels.
     pub(super) fn template_of(
         &self,
-        repeat: [usize; 2],
+        raster: Raster,
         channels: [&[f32]; CHANNELS],
         blur: f64,
     ) -> Option<Template> {
-        let (fourier, _) = self.folds.get(&repeat)?;
+        let (fourier, _) = self.folds.get(&raster)?;
         Some(Template::of_channels(fourier, channels, blur))
     }
 
@@ -138,10 +140,10 @@ impl FaceView {
     pub(super) fn scores(
         &self,
         template: &Template,
-        repeat: [usize; 2],
+        raster: Raster,
         among: impl Iterator<Item = usize>,
     ) -> Vec<Score> {
-        let Some((fourier, folds)) = self.folds.get(&repeat) else { return Vec::new() };
+        let Some((fourier, folds)) = self.folds.get(&raster) else { return Vec::new() };
         let mut scores: Vec<Score> = among
             .map(|frame| {
                 let fold = &folds[frame];
@@ -181,21 +183,46 @@ impl FaceView {
         (1..=MOST_COURSES).for_each(|courses| self.fold([1, courses]));
     }
 
+    /// Makes rough folds of those of one wale and few courses.
+    pub(super) fn fold_few_courses_roughly(&mut self) {
+        self.fold_few_courses();
+        for courses in 1..=MOST_COURSES {
+            let repeat = [1, courses];
+            let (fine, folds) = &self.folds[&Raster::fine(repeat)];
+            let raster = Raster { repeat, detail: Detail::Rough };
+            let rough = fourier(raster);
+            let coarser = |fold: &FrameFold| FrameFold {
+                spectrum: fold.spectrum.coarser(fine, &rough),
+                share: fold.share,
+            };
+            let folds = folds.iter().map(coarser).collect();
+            self.folds.insert(raster, (rough, folds));
+        }
+    }
+
     /// The largest share that copies of any repeat have in common.
     pub(super) fn most_common(&self) -> f64 {
-        let repeats = self.folds.keys();
-        let all = repeats
-            .flat_map(|repeat| (0..self.frames.len()).map(|frame| self.common(*repeat, frame)));
+        let rasters = self.folds.keys();
+        let all = rasters.flat_map(|raster| {
+            (0..self.frames.len()).map(|frame| self.common(raster.repeat, frame))
+        });
         all.fold(0.0, f64::max)
     }
 
     /// The share of its variance that copies of a repeat have in common in a frame. What noise alone
     /// makes common, one part of as many as there are copies, is taken off.
     pub(super) fn common(&self, repeat: [usize; 2], frame: usize) -> f64 {
-        let share = self.folds.get(&repeat).map_or(0.0, |(_, folds)| folds[frame].share);
+        let share = self.folds.get(&Raster::fine(repeat));
+        let share = share.map_or(0.0, |(_, folds)| folds[frame].share);
         let chance = 1.0 / self.sheets[frame].copies(repeat).max(2.0);
         ((share - chance) / (1.0 - chance)).max(0.0)
     }
+}
+
+/// The transforms of a repeat.
+fn fourier(raster: Raster) -> Fourier {
+    let [width, height] = raster.size();
+    Fourier::new(width, height)
 }
 
 /// The middle of a photo, at most [`MOST_SIDE`] each way.
