@@ -44,9 +44,11 @@ impl Fourier {
     }
 
     /// The spectra of two planes of real values, by one transform.
-    pub(crate) fn spectra_of_two(&self, [one, other]: [&[f32]; 2]) -> [Vec<Complex32>; 2] {
-        let mut grid: Vec<_> =
-            one.iter().zip(other).map(|(one, other)| Complex32::new(*one, *other)).collect();
+    pub(crate) fn spectra_of_two(
+        &self,
+        both: impl Iterator<Item = [f32; 2]>,
+    ) -> [Vec<Complex32>; 2] {
+        let mut grid: Vec<_> = both.map(|[one, other]| Complex32::new(one, other)).collect();
         self.transform(&mut grid, &self.forward);
         // Of a real plane, opposite frequencies are conjugate.
         let half = Complex32::new(0.5, 0.0);
@@ -106,7 +108,8 @@ mod tests {
             (0..24).map(|at| float((at * at + seed * at) % 7)).collect()
         };
         let (one, other) = (values(1), values(3));
-        let both = fourier.spectra_of_two([&one, &other]);
+        let both =
+            fourier.spectra_of_two(one.iter().zip(&other).map(|(one, other)| [*one, *other]));
         for (found, values) in both.iter().zip([&one, &other]) {
             for (a, b) in found.iter().zip(fourier.spectrum(values)) {
                 assert!((a - b).norm() < 1e-4);

@@ -79,13 +79,16 @@ impl CellSpectrum {
 impl Template {
     /// A sketch, blurred by a Gaussian of so many of its pixels.
     pub(super) fn new(fourier: &Fourier, sketch: &Sketch, blur: f64) -> Self {
-        Self::of_channels(fourier, sketch.channels.each_ref().map(|plane| &plane.values[..]), blur)
+        let channels = sketch.channels.each_ref().map(|plane| &plane.values[..]);
+        let lights: Vec<_> =
+            (0..fourier.len()).map(|at| channels.map(|channel| channel[at])).collect();
+        Self::of_lights(fourier, &lights, blur)
     }
 
-    /// The channels of a sketch, blurred in the same way.
-    pub(super) fn of_channels(fourier: &Fourier, channels: [&[f32]; CHANNELS], blur: f64) -> Self {
-        let [a, b, c, d] = channels;
-        let [[a, b], [c, d]] = [[a, b], [c, d]].map(|pair| fourier.spectra_of_two(pair));
+    /// The lights of a sketch in all channels, place by place, blurred in the same way.
+    pub(super) fn of_lights(fourier: &Fourier, lights: &[[f32; CHANNELS]], blur: f64) -> Self {
+        let pair = |at: usize| lights.iter().map(move |light| [light[at], light[at + 1]]);
+        let [[a, b], [c, d]] = [pair(0), pair(2)].map(|pair| fourier.spectra_of_two(pair));
         let weights = Gaussian::new(fourier, blur);
         let spectra = [a, b, c, d].map(|mut spectrum| {
             weights.blur(&mut spectrum);

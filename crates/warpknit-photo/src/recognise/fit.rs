@@ -52,6 +52,13 @@ impl Fit {
         each.sum::<f64>() / double(self.scores.len().max(1))
     }
 
+    /// Whether a photo shows nothing but stripes in its best frame.
+    pub(super) fn is_of_stripes(&self, views: &[FaceView]) -> bool {
+        let repeat = self.candidate.repeat();
+        let mut each = self.scores.iter().zip(views);
+        each.any(|(score, view)| view.is_striped(repeat, score.frame))
+    }
+
     /// Course spacing over wale spacing, the mean of all photos.
     pub(super) fn proportion(&self, views: &[FaceView]) -> f64 {
         let each = self.scores.iter().zip(views).map(|(score, view)| {

@@ -209,10 +209,7 @@ pub fn recognise(
     if best.explained < LEAST_EXPLAINED {
         return Err(RecogniseError::NoFrame);
     }
-    let repeat = best.candidate.repeat();
-    let mut seen = best.scores.iter().zip(&views);
-    if settings.lapping.is_empty() && seen.any(|(score, view)| view.is_striped(repeat, score.frame))
-    {
+    if settings.lapping.is_empty() && best.is_of_stripes(&views) {
         return Err(RecogniseError::Stripes);
     }
     let frames = best.scores.iter().zip(&views).map(|(score, view)| {
@@ -253,6 +250,10 @@ fn fitted(
     }
     let drafts = distinct(fit_all(views, &candidates), usize::MAX);
     let likely = &drafts[..RELAXED.min(drafts.len())];
+    // Relaxing takes most of the time, and stripes stay stripes.
+    if !likely.is_empty() && likely.iter().all(|draft| draft.is_of_stripes(views)) {
+        return Err(RecogniseError::Stripes);
+    }
     let mut fits = refine(views, likely, FITTED);
     views.iter_mut().for_each(FaceView::fold_few_courses);
     let unexplained = fits.first().map_or(1.0, |best| 1.0 - best.explained_of_common(views));

@@ -80,7 +80,7 @@ impl Search {
         let mut search =
             Self { hypotheses: Vec::new(), stitches: Vec::new(), returned: BTreeMap::new() };
         for hypothesis in hypotheses(views) {
-            if let Some(stitches) = Stitches::new(hypothesis.proportion) {
+            if let Some(stitches) = Stitches::new(hypothesis.courses, hypothesis.proportion) {
                 search.hypotheses.push(hypothesis);
                 search.stitches.push(stitches);
             }
@@ -327,9 +327,8 @@ impl Compared<'_> {
             Detail::Rough => BLUR / 2.0,
         };
         let each = self.views.iter().zip(&self.hypothesis.frames).map(|(view, frames)| {
-            let channels = self.stitches.channels(laps, view.face, detail);
-            let channels = channels.each_ref().map(|channel| &channel[..]);
-            let template = view.template_of(raster, channels, blur);
+            let lights = self.stitches.lights(laps, view.face, detail);
+            let template = view.template_of(raster, &lights, blur);
             let best = template.and_then(|template| {
                 view.scores(&template, raster, frames.iter().copied()).first().copied()
             });

@@ -57,35 +57,58 @@ struct Spot {
     light: [f32; CHANNELS],
 }
 
+/// A place of a stitch in a repeat.
+struct RepeatSpot {
+    /// Its place for a stitch in the first course, row by row.
+    at: usize,
+    height: f32,
+    light: [f32; CHANNELS],
+}
+
+/// The stitches at some resolution.
+struct DrawnStitches {
+    /// Columns of a wale and rows of a course.
+    cell: [usize; 2],
+    /// From the face and from the back, for each kind and each bar.
+    spots: [Vec<Vec<RepeatSpot>>; 2],
+}
+
 /// The stitches of two full bars.
 pub(super) struct Stitches {
     fabric: Fabric,
-    /// From the face and from the back, for each bar and each kind: at the resolution of
-    /// height buffers, and at half of it.
-    fine: [Vec<Vec<Spot>>; 2],
-    rough: [Vec<Vec<Spot>>; 2],
+    courses: usize,
+    /// At the resolution of height buffers.
+    fine: DrawnStitches,
+    /// At half of it.
+    rough: DrawnStitches,
     /// By how much wales bend in each course, of the size of a wale and a course, for the needles
     /// of all bars.
     bends: BTreeMap<Vec<Vec<i32>>, Vec<DVec2>>,
 }
 
 impl Stitches {
-    /// The stitches of cloth whose courses are `proportion` wale spacings high.
-    pub(super) fn new(proportion: f64) -> Option<Self> {
+    /// The stitches of cloth that repeats after so many courses, which are `proportion` wale spacings high.
+    pub(super) fn new(courses: usize, proportion: f64) -> Option<Self> {
         let like = full_bars(&["1-0/0-1".to_owned(), "1-0/0-1".to_owned()]).ok()?;
         let fabric = proportioned(&like, proportion, THICKNESS);
         let kinds: Vec<[Vec<Vec<Spot>>; 2]> = (0..KINDS)
             .into_par_iter()
             .map(|kind| [Face::Front, Face::Back].map(|face| drawn(&fabric, kind, face)))
             .collect();
-        let mut fine: [Vec<Vec<Spot>>; 2] = [Vec::new(), Vec::new()];
+        let mut all: [Vec<Vec<Spot>>; 2] = [Vec::new(), Vec::new()];
         for kind in kinds {
-            for (to, own) in fine.iter_mut().zip(kind) {
+            for (to, own) in all.iter_mut().zip(kind) {
                 to.extend(own);
             }
         }
-        let rough = fine.each_ref().map(|all| all.iter().map(|own| coarser(own)).collect());
-        Some(Self { fabric, fine, rough, bends: BTreeMap::new() })
+        let rough = all.each_ref().map(|all| all.iter().map(|own| coarser(own)).collect());
+        Some(Self {
+            fabric,
+            courses,
+            fine: DrawnStitches::new(Detail::Fine, courses, &all),
+            rough: DrawnStitches::new(Detail::Rough, courses, &rough),
+            bends: BTreeMap::new(),
+        })
     }
 
     /// Computes how wales bend in some lappings, unless that is known.
@@ -114,27 +137,26 @@ impl Stitches {
         self.bends.extend(fresh.into_iter().zip(bends));
     }
 
-    /// The channels of a lapping's repeat as seen from a face. Lappings that were not prepared stand
-    /// upright.
-    pub(super) fn channels(&self, laps: &Laps, face: Face, detail: Detail) -> [Vec<f32>; CHANNELS] {
-        let courses = laps[0].len();
-        let [columns, course_rows] = detail.pixels().map(|pixels| pixels * FINE);
-        let mut heights = vec![f32::NEG_INFINITY; columns * course_rows * courses];
-        let mut lights = vec![[0.0_f32; CHANNELS]; heights.len()];
+    /// The lights of a lapping's repeat as seen from a face, row by row. Lappings that were not prepared
+    /// stand upright.
+    pub(super) fn lights(&self, laps: &Laps, face: Face, detail: Detail) -> Vec<[f32; CHANNELS]> {
         let drawn = match detail {
             Detail::Fine => &self.fine,
             Detail::Rough => &self.rough,
         };
-        let drawn = &drawn[usize::from(face == Face::Back)];
-        let rows = i32::try_from(course_rows * courses).expect("a few courses");
+        let spots = &drawn.spots[usize::from(face == Face::Back)];
+        let course_places = drawn.cell[0] * drawn.cell[1];
+        let places = course_places * self.courses;
+        let mut heights = vec![f32::NEG_INFINITY; places];
+        let mut lights = vec![[0.0_f32; CHANNELS]; places];
         for (bar, own) in laps.iter().enumerate() {
             for (course, lap) in own.iter().enumerate() {
-                let kind = kind(*lap, own[(course + 1) % courses]);
-                let up = i32::try_from(course * course_rows).expect("a few courses");
-                for spot in &drawn[2 * kind + bar] {
-                    let row = (spot.row - up).rem_euclid(rows);
-                    let row = usize::try_from(row).expect("a remainder is not negative");
-                    let at = row * columns + spot.column;
+                let kind = kind(*lap, own[(course + 1) % self.courses]);
+                // Later courses lie further up.
+                let moved = places - course * course_places;
+                for spot in &spots[2 * kind + bar] {
+                    let at = spot.at + moved;
+                    let at = if at < places { at } else { at - places };
                     if spot.height > heights[at] {
                         heights[at] = spot.height;
                         lights[at] = spot.light;
@@ -143,7 +165,29 @@ impl Stitches {
             }
         }
         let bends = self.bends.get(&needles(laps)).map_or(&[][..], |bends| bends);
-        bent(&lights, [columns, course_rows], bends, face)
+        bent(&lights, drawn.cell, bends, face)
+    }
+}
+
+impl DrawnStitches {
+    /// Stitches in a repeat of so many courses, the highest place of each at every place there.
+    fn new(detail: Detail, courses: usize, all: &[Vec<Vec<Spot>>; 2]) -> Self {
+        let cell = detail.pixels().map(|pixels| pixels * FINE);
+        let rows = i32::try_from(cell[1] * courses).expect("a few courses");
+        let in_repeat = |own: &Vec<Spot>| {
+            let mut tops: BTreeMap<usize, &Spot> = BTreeMap::new();
+            for spot in own {
+                let row = usize::try_from(spot.row.rem_euclid(rows)).expect("not negative");
+                let top = tops.entry(row * cell[0] + spot.column).or_insert(spot);
+                if spot.height > top.height {
+                    *top = spot;
+                }
+            }
+            let spot =
+                |(at, top): (usize, &Spot)| RepeatSpot { at, height: top.height, light: top.light };
+            tops.into_iter().map(spot).collect()
+        };
+        Self { cell, spots: all.each_ref().map(|face| face.iter().map(in_repeat).collect()) }
     }
 }
 
@@ -225,9 +269,9 @@ fn bent(
     [columns, course_rows]: [usize; 2],
     bends: &[DVec2],
     face: Face,
-) -> [Vec<f32>; CHANNELS] {
+) -> Vec<[f32; CHANNELS]> {
     let rows = lights.len() / columns;
-    let mut channels = [(); CHANNELS].map(|()| vec![0.0_f32; lights.len() / (FINE * FINE)]);
+    let mut coarse = vec![[0.0_f32; CHANNELS]; lights.len() / (FINE * FINE)];
     let share = 1.0 / narrow(double(FINE * FINE));
     for row in 0..rows {
         let bend = bend_at(bends, -(double(row) + 0.5) / double(course_rows));
@@ -241,12 +285,11 @@ fn bent(
         let begin = moved(0, -right * double(columns), columns);
         let (last, first) = lights[from..from + columns].split_at(begin);
         for (column, light) in first.iter().chain(last).enumerate() {
-            for (channel, light) in channels.iter_mut().zip(light) {
-                channel[to + column / FINE] += share * light;
-            }
+            let sum = &mut coarse[to + column / FINE];
+            sum.iter_mut().zip(light).for_each(|(sum, light)| *sum += share * light);
         }
     }
-    channels
+    coarse
 }
 
 /// A place moved by the nearest whole number, around `count` of them.
@@ -282,19 +325,20 @@ mod tests {
     fn a_rough_lapping_looks_like_a_fine_one() {
         let laps: Laps =
             vec![vec![(0, true), (3, false), (1, true)], vec![(1, true), (0, false), (1, false)]];
-        let mut stitches = Stitches::new(0.8).unwrap();
+        let mut stitches = Stitches::new(3, 0.8).unwrap();
         stitches.prepare(std::slice::from_ref(&laps));
         for face in [Face::Front, Face::Back] {
             let [fine, rough] =
-                [Detail::Fine, Detail::Rough].map(|detail| stitches.channels(&laps, face, detail));
-            for (fine, rough) in fine.iter().zip(&rough) {
+                [Detail::Fine, Detail::Rough].map(|detail| stitches.lights(&laps, face, detail));
+            for channel in 0..CHANNELS {
                 let mean = |at: usize| {
-                    let (x, y) = (2 * (at % (WALE / 2)), 2 * (at / (WALE / 2)));
-                    [0, 1, WALE, WALE + 1].map(|off| fine[y * WALE + x + off]).iter().sum::<f32>()
-                        / 4.0
+                    let corner = 2 * (at / (WALE / 2)) * WALE + 2 * (at % (WALE / 2));
+                    let four = [0, 1, WALE, WALE + 1].map(|off| fine[corner + off][channel]);
+                    four.iter().sum::<f32>() / 4.0
                 };
                 let fine: Vec<f32> = (0..rough.len()).map(mean).collect();
-                let alike = correlation(&fine, rough);
+                let rough: Vec<f32> = rough.iter().map(|light| light[channel]).collect();
+                let alike = correlation(&fine, &rough);
                 assert!(alike > 0.7, "{face:?} {alike}");
             }
         }

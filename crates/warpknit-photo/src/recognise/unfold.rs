@@ -10,6 +10,10 @@ use super::frames::Frame;
 use super::sketch::{COURSE, WALE};
 use crate::plane::{Plane, double, float, narrow, whole};
 
+/// Pixels of a row over which the cloth is taken to bend evenly, a quarter of a wale: bends change over
+/// tens of the photo's pixels.
+const SAME_BEND: usize = WALE / 4;
+
 /// A photo on the grid of sketches.
 pub(super) struct UnfoldedPhoto {
     width: usize,
@@ -67,10 +71,16 @@ impl UnfoldedPhoto {
         let mut values: Vec<Option<f32>> = Vec::with_capacity(width * height);
         for y in 0..height {
             let first = first + double(y) * down;
-            values.extend((0..width).map(|x| {
-                let at = place(first + double(x) * across);
-                inside(at).then(|| even.sample(at))
-            }));
+            let mut next = place(first);
+            for x in (0..width).step_by(SAME_BEND) {
+                let begin = next;
+                next = place(first + double(x + SAME_BEND) * across);
+                let step = (next - begin) / double(SAME_BEND);
+                values.extend((0..SAME_BEND.min(width - x)).map(|number| {
+                    let at = begin + double(number) * step;
+                    inside(at).then(|| even.sample(at))
+                }));
+            }
         }
         let known = values.iter().flatten();
         let known_count = known.clone().count();

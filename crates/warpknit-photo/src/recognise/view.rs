@@ -125,15 +125,15 @@ impl FaceView {
         Some(Template::new(fourier, sketch, blur))
     }
 
-    /// Channels of a repeat, ready to be compared. The blur is in their own pixels.
+    /// The lights of a repeat, ready to be compared. The blur is in their own pixels.
     pub(super) fn template_of(
         &self,
         raster: Raster,
-        channels: [&[f32]; CHANNELS],
+        lights: &[[f32; CHANNELS]],
         blur: f64,
     ) -> Option<Template> {
         let (fourier, _) = self.folds.get(&raster)?;
-        Some(Template::of_channels(fourier, channels, blur))
+        Some(Template::of_lights(fourier, lights, blur))
     }
 
     /// The best frames for a template of a repeat, among some of them, the best first.
