@@ -13,7 +13,7 @@ use warpknit::photo::capture::{
     capture,
 };
 
-use warpknit::photo::recognise::{ClothKey, Face, RecogniseSettings, recognise};
+use warpknit::photo::recognise::{ClothKey, Face, RecogniseError, RecogniseSettings, recognise};
 
 use crate::aperiodic::{bricks, face, fur, noise};
 use crate::cloth::{Disturbance, Kind, Random, Sample, Stretch, between, fibrous, layout, sample};
@@ -668,6 +668,27 @@ fn both_faces_of_a_locknit_give_its_chains_and_so_do_their_mirror_images() {
         assert!(found.unexplained() < 0.3, "{}", found.unexplained());
         assert_eq!(key(&found.fabric), key(&Fabric::named("locknit").unwrap()), "{}", found.fabric);
     }
+}
+
+/// The photo shows the repeat of ten courses two and a half times.
+#[test]
+fn a_repeat_that_fills_a_third_of_the_photo_is_recognised() {
+    let photos = [Face::Back, Face::Front].map(|face| (knit_photo("tulle-5", face, 30_031), face));
+    let photos = photos.each_ref().map(|(photo, face)| (photo, *face));
+    let found = recognise(&photos, &RecogniseSettings::default()).unwrap();
+    assert_eq!(found.ranked[0].fabric.name, "tulle-5");
+    assert!(found.unexplained() < 0.3, "{}", found.unexplained());
+}
+
+/// Waves down, and across them waves of a twentieth of their height.
+#[test]
+fn stripes_are_no_knit() {
+    let wave = |at: u32, length: f64| (std::f64::consts::TAU * f64::from(at) / length).cos();
+    let stripes = RgbImage::from_fn(300, 300, |x, y| {
+        image::Rgb([(128.0 + 60.0 * wave(y, 11.3) + 3.0 * wave(x, 16.7)).round() as u8; 3])
+    });
+    let found = recognise(&[(&stripes, Face::Back)], &RecogniseSettings::default());
+    assert_eq!(found.unwrap_err(), RecogniseError::Stripes);
 }
 
 /// Beside a clear weave a search through all lappings would take most of the time.

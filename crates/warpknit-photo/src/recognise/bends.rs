@@ -20,10 +20,15 @@ pub(super) struct Bends {
 }
 
 impl Bends {
+    /// No displacements, for a photo of that size.
+    pub(super) fn none(width: usize, height: usize) -> Self {
+        let [columns, rows] = nodes(width, height);
+        Self { columns, rows, nodes: vec![DVec2::ZERO; columns * rows] }
+    }
+
     /// The displacements of a photo of that size.
     pub(super) fn new(field: &DisplacementField, width: usize, height: usize) -> Self {
-        let [columns, rows] =
-            [width, height].map(|side| whole(narrow((double(side) / STEP).ceil())) + 2);
+        let [columns, rows] = nodes(width, height);
         let nodes = (0..columns * rows)
             .map(|node| {
                 let at = STEP * DVec2::new(double(node % columns), double(node / columns));
@@ -46,4 +51,9 @@ impl Bends {
         let lower = self.nodes[below].lerp(self.nodes[below + 1], part.x);
         at + upper.lerp(lower, part.y)
     }
+}
+
+/// Nodes each way on a photo of that size.
+fn nodes(width: usize, height: usize) -> [usize; 2] {
+    [width, height].map(|side| whole(narrow((double(side) / STEP).ceil())) + 2)
 }

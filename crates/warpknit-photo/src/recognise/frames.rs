@@ -14,7 +14,7 @@ use glam::{DMat2, DVec2};
 
 use crate::capture::lattice::Lattice;
 use crate::fourier::Fourier;
-use crate::plane::{Plane, double, narrow, whole};
+use crate::plane::{Plane, double, narrow, whole, whole_f64};
 
 /// Vectors of a wale (x) and of a course (y, downward), pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,6 +75,15 @@ const REPEATS: [[f64; 4]; 19] = [
     [4.0, 0.0, 0.0, 1.0],
     [4.0, 0.0, 0.0, 2.0],
 ];
+/// By how many pixels at the photo's border a lattice is moved to sharpen it, one step after the other.
+const SHARPENED: [f64; 4] = [3.0, 1.5, 0.75, 0.4];
+/// Changes of each size, at most.
+const MOST_STEPS: usize = 6;
+/// Pixels that a lattice's copies are compared by, each way, and how many of them a cell has at most.
+const BIN: f64 = 2.5;
+const MOST_BINS: usize = 64;
+/// About how many of a photo's pixels are looked at for that.
+const LOOKED_AT: f64 = 1e5;
 /// Frames count as one if no entry differs by more than this share of the largest.
 const SAME: f64 = 0.04;
 
@@ -102,24 +111,92 @@ pub(super) fn frames(even: &Plane) -> Vec<(DMat2, Vec<Frame>)> {
     let mut all = Vec::new();
     let waves = waves(even);
     for lattice in lattices(&waves) {
-        let first = found.len();
-        for repeat in REPEATS {
-            let repeat = DMat2::from_cols_array(&repeat).inverse();
-            for change in changes() {
-                let frame = Frame(lattice * change * repeat);
-                if frame.is_likely() && !found.iter().any(|other| frame.is_like(*other)) {
-                    found.push(frame);
-                }
-            }
+        if frames_of(lattice, &found).is_empty() {
+            continue;
         }
-        if found.len() > first {
-            all.push((lattice, found[first..].to_vec()));
+        let lattice = sharpened(lattice, even);
+        let own = frames_of(lattice, &found);
+        if !own.is_empty() {
+            found.extend_from_slice(&own);
+            all.push((lattice, own));
         }
         if all.len() == MOST_FRAMED {
             break;
         }
     }
     all
+}
+
+/// The likely frames of a lattice that are not known yet.
+fn frames_of(lattice: DMat2, known: &[Frame]) -> Vec<Frame> {
+    let mut found: Vec<Frame> = Vec::new();
+    for repeat in REPEATS {
+        let repeat = DMat2::from_cols_array(&repeat).inverse();
+        for change in changes() {
+            let frame = Frame(lattice * change * repeat);
+            let mut others = known.iter().chain(&found);
+            if frame.is_likely() && !others.any(|other| frame.is_like(*other)) {
+                found.push(frame);
+            }
+        }
+    }
+    found
+}
+
+/// A lattice near one, whose copies have most in common in a photo. Waves of a repeat that a photo shows
+/// two or three times tell its vectors to some hundredths only.
+fn sharpened(lattice: DMat2, photo: &Plane) -> DMat2 {
+    let half = 0.5 * double(photo.width.max(photo.height));
+    let vectors = [lattice.x_axis, lattice.y_axis];
+    let bins = vectors.map(|vector| whole(narrow(vector.length() / BIN)).clamp(1, MOST_BINS));
+    let mut best = (in_common(lattice, bins, photo), lattice);
+    for off in SHARPENED {
+        // A vector is changed so far that its copies at the photo's border move by so many pixels.
+        let [first, second] = vectors.map(|vector| off * vector.length() / half);
+        for _ in 0..MOST_STEPS {
+            let before = best;
+            for by in [DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::NEG_Y] {
+                for change in [
+                    DMat2::from_cols(first * by, DVec2::ZERO),
+                    DMat2::from_cols(DVec2::ZERO, second * by),
+                ] {
+                    let changed = before.1 + change;
+                    let share = in_common(changed, bins, photo);
+                    if share > best.0 {
+                        best = (share, changed);
+                    }
+                }
+            }
+            if best == before {
+                break;
+            }
+        }
+    }
+    best.1
+}
+
+/// The share of a photo's squares that the mean of all copies of a lattice's cell explains, of so many
+/// bins along its vectors.
+fn in_common(lattice: DMat2, [across, down]: [usize; 2], photo: &Plane) -> f64 {
+    let inverse = lattice.inverse();
+    let mut bins = vec![[0.0_f32; 2]; across * down];
+    let skip = whole(narrow((double(photo.values.len()) / LOOKED_AT).sqrt())).max(1);
+    let mut all = 0.0;
+    for y in (0..photo.height).step_by(skip) {
+        for x in (0..photo.width).step_by(skip) {
+            let at = inverse * DVec2::new(double(x), double(y));
+            let [column, row] = (at - at.floor()).to_array();
+            let column = whole_f64(column * double(across)).min(across - 1);
+            let row = whole_f64(row * double(down)).min(down - 1);
+            let value = photo.at(x, y);
+            let bin = &mut bins[row * across + column];
+            bin[0] += value;
+            bin[1] += 1.0;
+            all += value * value;
+        }
+    }
+    let common: f32 = bins.iter().map(|[sum, count]| sum * sum / count.max(1.0)).sum();
+    f64::from(common / all.max(f32::MIN_POSITIVE))
 }
 
 impl Frame {
@@ -290,4 +367,25 @@ fn fitted(matrix: DMat2, waves: &[PhotoWave]) -> DMat2 {
         return matrix;
     }
     right * normal.inverse()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_cell_is_sharpened() {
+        let truth = DMat2::from_cols_array(&[17.0, 1.0, -9.0, 120.5]);
+        let inverse = truth.inverse();
+        let cloth = Plane::from_fn(300, 300, |x, y| {
+            let at = std::f64::consts::TAU * (inverse * DVec2::new(double(x), double(y)));
+            narrow(at.x.cos() + (at.x + at.y).sin() + (10.0 * at.y).cos() + (3.0 * at.y).sin())
+        });
+        let before = DMat2::from_cols_array(&[17.1, 0.95, -8.0, 118.0]);
+        let after = sharpened(before, &cloth);
+        for (found, vector) in [(after.x_axis, truth.x_axis), (after.y_axis, truth.y_axis)] {
+            // Where the photo ends, its copies are less than a pixel off.
+            assert!(found.distance(vector) < 1.0 / 150.0 * vector.length(), "{found} {vector}");
+        }
+    }
 }

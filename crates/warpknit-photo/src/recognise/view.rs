@@ -35,6 +35,9 @@ const BLUR: f32 = 1.0;
 /// Deviation of the registration's window, in lengths of the cell, and at most this share of the
 /// photo's side.
 const WINDOW: [f64; 2] = [1.1, 0.11];
+/// The least share of the window that a cell needs. In a smaller one, waves of the cell can't be told from
+/// each other, and registration would bend the photo.
+const NARROWEST: f64 = 0.4;
 
 /// The most courses of a lapping that is searched for.
 pub(super) const MOST_COURSES: usize = 4;
@@ -83,7 +86,11 @@ impl FaceView {
             .par_iter()
             .map(|(vectors, _)| {
                 let lattice = Lattice::reduced(vectors.x_axis, vectors.y_axis);
-                let sigma = (WINDOW[0] * lattice.longer()).min(WINDOW[1] * double(side));
+                let wanted = WINDOW[0] * lattice.longer();
+                let sigma = wanted.min(WINDOW[1] * double(side));
+                if sigma < NARROWEST * wanted {
+                    return Bends::none(even.width, even.height);
+                }
                 Bends::new(&register_in(&even, &lattice, sigma), even.width, even.height)
             })
             .collect();
