@@ -672,7 +672,7 @@ fn both_faces_of_a_locknit_give_its_chains_and_so_do_their_mirror_images() {
 
 /// The photo shows the repeat of ten courses two and a half times.
 #[test]
-fn a_repeat_that_fills_a_third_of_the_photo_is_recognised() {
+fn a_repeat_of_two_fifths_of_the_photo_is_recognised() {
     let photos = [Face::Back, Face::Front].map(|face| (knit_photo("tulle-5", face, 30_031), face));
     let photos = photos.each_ref().map(|(photo, face)| (photo, *face));
     let found = recognise(&photos, &RecogniseSettings::default()).unwrap();

@@ -1,7 +1,7 @@
 //! Stitches of fully threaded bars, drawn once and put together to any lapping.
 //!
-//! In: the proportion of courses to wales, and laps of one or two full bars. Out: the channels of a
-//! sketch, near those that [`super::sketch`] makes of a draft.
+//! In: the proportion of courses to wales, and laps of one or two full bars. Out: the lights of a
+//! sketch, place by place, finely or roughly, near those that [`super::sketch`] makes of a draft.
 //!
 //! Method: on straight wales a stitch (a loop and the underlap to the next one) depends on its
 //! bar, the direction of its lap, that of the next lap, and the needles between them: 28 stitches a
@@ -262,7 +262,7 @@ fn coarser(all: &[Spot]) -> Vec<Spot> {
         .collect()
 }
 
-/// The light of a repeat at the resolution of sketches, its rows moved as wales bend. A wale has so
+/// The light of a repeat, means of [`FINE`] pixels each way, its rows moved as wales bend. A wale has so
 /// many columns, and a course so many rows.
 fn bent(
     lights: &[[f32; CHANNELS]],
@@ -271,7 +271,7 @@ fn bent(
     face: Face,
 ) -> Vec<[f32; CHANNELS]> {
     let rows = lights.len() / columns;
-    let mut coarse = vec![[0.0_f32; CHANNELS]; lights.len() / (FINE * FINE)];
+    let mut means = vec![[0.0_f32; CHANNELS]; lights.len() / (FINE * FINE)];
     let share = 1.0 / narrow(double(FINE * FINE));
     for row in 0..rows {
         let bend = bend_at(bends, -(double(row) + 0.5) / double(course_rows));
@@ -285,11 +285,11 @@ fn bent(
         let begin = moved(0, -right * double(columns), columns);
         let (last, first) = lights[from..from + columns].split_at(begin);
         for (column, light) in first.iter().chain(last).enumerate() {
-            let sum = &mut coarse[to + column / FINE];
+            let sum = &mut means[to + column / FINE];
             sum.iter_mut().zip(light).for_each(|(sum, light)| *sum += share * light);
         }
     }
-    coarse
+    means
 }
 
 /// A place moved by the nearest whole number, around `count` of them.

@@ -10,8 +10,8 @@ use super::frames::Frame;
 use super::sketch::{COURSE, WALE};
 use crate::plane::{Plane, double, float, narrow, whole};
 
-/// Pixels of a row over which the cloth is taken to bend evenly, a quarter of a wale: bends change over
-/// tens of the photo's pixels.
+/// Pixels of a row over which the cloth is taken to bend evenly, a quarter of a wale: some five pixels of the
+/// photo, and bends change over tens of them.
 const SAME_BEND: usize = WALE / 4;
 
 /// A photo on the grid of sketches.
@@ -76,7 +76,7 @@ impl UnfoldedPhoto {
                 let begin = next;
                 next = place(first + double(x + SAME_BEND) * across);
                 let step = (next - begin) / double(SAME_BEND);
-                values.extend((0..SAME_BEND.min(width - x)).map(|number| {
+                values.extend((0..SAME_BEND).map(|number| {
                     let at = begin + double(number) * step;
                     inside(at).then(|| even.sample(at))
                 }));

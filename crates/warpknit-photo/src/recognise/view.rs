@@ -1,7 +1,7 @@
 //! A photo of one face, ready to be compared with sketches.
 //!
 //! In: a photo. Out: a [`FaceView`]: frames that its lattices allow, and the photo laid out in each.
-//! The cloth's bends are taken off first, by the waves of each lattice. Cost: some tenths of a
+//! The cloth's bends are taken off first, by the waves of each lattice whose cell isn't long. Cost: some tenths of a
 //! second a photo of 300 pixels.
 
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::bends::Bends;
 use super::compare::{CellSpectrum, Match, Template};
-use super::frames::{Frame, frames};
+use super::frames::{Frame, frames, is_long};
 use super::sketch::{CHANNELS, Detail, Raster, Sketch, WALE};
 use super::unfold::{UnfoldedPhoto, beyond_stripes};
 use super::{Face, LEAST_BEYOND_STRIPES};
@@ -35,9 +35,6 @@ const BLUR: f32 = 1.0;
 /// Deviation of the registration's window, in lengths of the cell, and at most this share of the
 /// photo's side.
 const WINDOW: [f64; 2] = [1.1, 0.11];
-/// The least share of the window that a cell needs. In a smaller one, waves of the cell can't be told from
-/// each other, and registration would bend the photo.
-const NARROWEST: f64 = 0.4;
 
 /// The most courses of a lapping that is searched for.
 pub(super) const MOST_COURSES: usize = 4;
@@ -52,7 +49,7 @@ pub(super) struct FaceView {
     bends: Vec<Bends>,
     /// The photo's channels, linear light.
     channels: [Plane; 3],
-    /// For each repeat that was asked for: its transforms, and its fold in each frame.
+    /// For the pixels of each repeat that was asked for: transforms, and its fold in each frame.
     folds: BTreeMap<Raster, (Fourier, Vec<FrameFold>)>,
 }
 
@@ -85,12 +82,11 @@ impl FaceView {
         let bends: Vec<Bends> = lattices
             .par_iter()
             .map(|(vectors, _)| {
-                let lattice = Lattice::reduced(vectors.x_axis, vectors.y_axis);
-                let wanted = WINDOW[0] * lattice.longer();
-                let sigma = wanted.min(WINDOW[1] * double(side));
-                if sigma < NARROWEST * wanted {
+                if is_long(*vectors, &even) {
                     return Bends::none(even.width, even.height);
                 }
+                let lattice = Lattice::reduced(vectors.x_axis, vectors.y_axis);
+                let sigma = (WINDOW[0] * lattice.longer()).min(WINDOW[1] * double(side));
                 Bends::new(&register_in(&even, &lattice, sigma), even.width, even.height)
             })
             .collect();
@@ -190,7 +186,7 @@ impl FaceView {
         (1..=MOST_COURSES).for_each(|courses| self.fold([1, courses]));
     }
 
-    /// Makes rough folds of those of one wale and few courses.
+    /// Folds the photo into the repeats of one wale and few courses, finely and roughly.
     pub(super) fn fold_few_courses_roughly(&mut self) {
         self.fold_few_courses();
         for courses in 1..=MOST_COURSES {
@@ -209,8 +205,8 @@ impl FaceView {
 
     /// The largest share that copies of any repeat have in common.
     pub(super) fn most_common(&self) -> f64 {
-        let rasters = self.folds.keys();
-        let all = rasters.flat_map(|raster| {
+        let fine = self.folds.keys().filter(|raster| raster.detail == Detail::Fine);
+        let all = fine.flat_map(|raster| {
             (0..self.frames.len()).map(|frame| self.common(raster.repeat, frame))
         });
         all.fold(0.0, f64::max)
@@ -219,14 +215,14 @@ impl FaceView {
     /// The share of its variance that copies of a repeat have in common in a frame. What noise alone
     /// makes common, one part of as many as there are copies, is taken off.
     pub(super) fn common(&self, repeat: [usize; 2], frame: usize) -> f64 {
-        let share = self.folds.get(&Raster::fine(repeat));
-        let share = share.map_or(0.0, |(_, folds)| folds[frame].share);
+        let folds = self.folds.get(&Raster::fine(repeat));
+        let share = folds.map_or(0.0, |(_, folds)| folds[frame].share);
         let chance = 1.0 / self.sheets[frame].copies(repeat).max(2.0);
         ((share - chance) / (1.0 - chance)).max(0.0)
     }
 }
 
-/// The transforms of a repeat.
+/// The transforms of the pixels of a repeat.
 fn fourier(raster: Raster) -> Fourier {
     let [width, height] = raster.size();
     Fourier::new(width, height)
