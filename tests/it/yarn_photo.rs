@@ -651,7 +651,7 @@ fn bad_photos_are_refused_with_a_reason_and_leave_nothing_behind() {
             &["--crop", "100,0,101,120"],
             "reaches over the photo of 200 x 120",
         ),
-        ("tiny crop", Some(band(40, 80)), &["--crop", "100,0,20,120"], "a larger --crop"),
+        ("tiny crop", Some(band(40, 80)), &["--crop", "100,0,20,120"], "a larger part of it"),
     ];
     for (name, photo, arguments, reason) in cases {
         let folder = tempfile::tempdir().unwrap();

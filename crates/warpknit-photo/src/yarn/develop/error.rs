@@ -7,7 +7,7 @@ pub enum DevelopError {
     /// Fewer pixels than the steps need.
     #[error(
         "{width} x {height} pixels are too few: at least {least} are needed each way; \
-         take a larger photo, or a larger --crop"
+         take a larger photo, or a larger part of it"
     )]
     TooSmall {
         /// Pixels across.
