@@ -79,16 +79,25 @@ impl CellSpectrum {
 impl Template {
     /// A sketch, blurred by a Gaussian of so many of its pixels.
     pub(super) fn new(fourier: &Fourier, sketch: &Sketch, blur: f64) -> Self {
-        let channels = sketch.channels.each_ref().map(|plane| &plane.values[..]);
-        let lights: Vec<_> =
-            (0..fourier.len()).map(|at| channels.map(|channel| channel[at])).collect();
-        Self::of_lights(fourier, &lights, blur)
+        let channels = sketch.channels.each_ref().map(|plane| &plane.values);
+        let pair = |at: usize| {
+            channels[at].iter().zip(channels[at + 1]).map(|(one, other)| [*one, *other])
+        };
+        Self::of_spectra(fourier, [pair(0), pair(2)].map(|pair| fourier.spectra_of_two(pair)), blur)
     }
 
     /// The lights of a sketch in all channels, place by place, blurred in the same way.
     pub(super) fn of_lights(fourier: &Fourier, lights: &[[f32; CHANNELS]], blur: f64) -> Self {
         let pair = |at: usize| lights.iter().map(move |light| [light[at], light[at + 1]]);
-        let [[a, b], [c, d]] = [pair(0), pair(2)].map(|pair| fourier.spectra_of_two(pair));
+        Self::of_spectra(fourier, [pair(0), pair(2)].map(|pair| fourier.spectra_of_two(pair)), blur)
+    }
+
+    /// The spectra of the channels, blurred in the same way.
+    fn of_spectra(
+        fourier: &Fourier,
+        [[a, b], [c, d]]: [[Vec<Complex32>; 2]; 2],
+        blur: f64,
+    ) -> Self {
         let weights = Gaussian::new(fourier, blur);
         let spectra = [a, b, c, d].map(|mut spectrum| {
             weights.blur(&mut spectrum);

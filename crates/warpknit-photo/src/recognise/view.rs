@@ -1,8 +1,8 @@
 //! A photo of one face, ready to be compared with sketches.
 //!
 //! In: a photo. Out: a [`FaceView`]: frames that its lattices allow, and the photo laid out in each.
-//! The cloth's bends are taken off first, by the waves of each lattice whose cell isn't long. Cost: some tenths of a
-//! second a photo of 300 pixels.
+//! The cloth's bends are taken off first, by the waves of each lattice whose cell isn't long. Cost:
+//! some tenths of a second a photo of 300 pixels.
 
 use std::collections::BTreeMap;
 
