@@ -67,6 +67,8 @@ pub struct GlbWriter<W> {
     root: Root,
     /// Nodes of panels' bars.
     bars: Vec<Index<json::Node>>,
+    /// Where coordinates count from, m.
+    origin: Vec3,
     buffer: Index<json::Buffer>,
     textures: Arc<TextureSet>,
     options: GlbOptions,
@@ -135,6 +137,7 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             unpacked: 0,
             root,
             bars: Vec::new(),
+            origin: Vec3::ZERO,
             buffer,
             textures,
             options,
@@ -260,12 +263,10 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             Precision::F32 => None,
         };
         let name = Some(format!("panel {panel} bar {}", bar + 1));
-        // Far from the origin positions count from a place near the garment, where they are exact.
-        let origin = (block.origin / 1000.0).as_vec3();
-        let place = origin + grid.map_or(Vec3::ZERO, |grid| grid.low);
+        self.origin = (block.origin / 1000.0).as_vec3();
         let node = self.root.push(json::Node {
             name,
-            translation: (place != Vec3::ZERO).then(|| place.to_array()),
+            translation: grid.map(|grid| grid.low.to_array()),
             scale: grid.map(|grid| [grid.step; 3]),
             ..json::Node::default()
         });
@@ -348,6 +349,21 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         Ok(ArrayView { index, kind, component, size: size_of::<T>() })
     }
 
+    /// The nodes of the scene: those of the bars, or one above them that carries all to a garment far from
+    /// the origin. Its place is exact, and a sum with that of a bar would be rounded.
+    fn top_nodes(&mut self) -> Vec<Index<json::Node>> {
+        let bars = std::mem::take(&mut self.bars);
+        if self.origin == Vec3::ZERO {
+            return bars;
+        }
+        vec![self.root.push(json::Node {
+            name: Some("garment".to_owned()),
+            translation: Some(self.origin.to_array()),
+            children: Some(bars),
+            ..json::Node::default()
+        })]
+    }
+
     /// The JSON chunk, filled up with spaces to its room, or to a multiple of 4 bytes.
     fn json_chunk(&mut self) -> Vec<u8> {
         self.root.buffers[self.buffer.value()].byte_length = USize64(self.unpacked);
@@ -357,9 +373,10 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             // The format has no empty buffers.
             self.root.buffers.clear();
         }
+        let nodes = self.top_nodes();
         let scene = self.root.push(json::Scene {
             name: Some("warpknit".to_owned()),
-            nodes: std::mem::take(&mut self.bars),
+            nodes,
             extensions: None,
             extras: json::Extras::default(),
         });
