@@ -12,8 +12,9 @@ use super::targets::check_distinct;
 use crate::drape::strands::Losses;
 use crate::drape::{Cloth, DrapeOptions, Totals};
 use crate::export::{ExportError, Format, html};
-use crate::garment::Garment;
 use crate::garment::stretch::triangles;
+use crate::garment::{Garment, Panel};
+use crate::locate::overlap::overlaps;
 use crate::map::Mapping;
 use crate::map::relaxed::StrainCounts;
 use crate::system::available_memory_gb;
@@ -133,6 +134,28 @@ pub fn loss_warning(totals: &Totals) -> Option<String> {
         format!(
             "{in_defects} data points of stitches that are kept lie in triangles that can't be \
              knitted and are lost"
+        )
+    })
+}
+
+/// Share of the pattern that may lie twofold without a warning. Those of real garments
+/// have a third of that at most.
+const LITTLE_OVERLAP: f64 = 1e-3;
+
+/// The warning about panels that lie over themselves in the pattern, if there are any.
+#[must_use]
+pub fn overlap_warning(garment: &Garment) -> Option<String> {
+    let pattern: f64 = garment.panels.iter().map(Panel::area).sum();
+    let within = overlaps(garment).within;
+    let area: f64 = within.iter().map(|(_, area)| area).sum();
+    (area > LITTLE_OVERLAP * pattern).then(|| {
+        format!(
+            "{:.1} cm² ({:.1} % of the pattern) lie over other cloth of their own panel (first panel {}): \
+             stitches there go to one of the two places, and the other stays bare; lay them apart in the \
+             pattern",
+            area / 100.0,
+            100.0 * area / pattern,
+            within[0].0
         )
     })
 }

@@ -53,7 +53,7 @@ pub use job::Source;
 pub use limits::MOST_STITCHES;
 pub use limits::{
     check_laid, check_memory, check_placement, check_stitches, lengths_note, locked_warning,
-    loss_warning,
+    loss_warning, overlap_warning,
 };
 pub use motion::{Motion, Sequence};
 pub use numbers::RealCloth;

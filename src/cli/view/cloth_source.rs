@@ -24,7 +24,7 @@ use super::super::choice::{fabric, named_fabric};
 use warpknit::pipeline::{
     self, Clock, EdgeFinish, Enlarge, Placement, StrainCache, Task, Textures, check_laid,
     check_memory, check_placement, check_stitches, drawn_radius, lengths_note, loss_warning,
-    turn_grains,
+    overlap_warning, turn_grains,
 };
 
 /// Memory of a stitch, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points,
@@ -255,6 +255,7 @@ impl ClothSource {
         check_laid(&totals)?;
         cache.keep(cloth);
         let mut warnings = cloth.garment().summary.warnings.clone();
+        warnings.extend(overlap_warning(cloth.garment()));
         warnings.extend(loss_warning(&totals));
         warnings.extend(lengths_note(cloth, &self.placement.into()));
         let (enlargement, timings) = (fabric.enlargement, clock.timings());

@@ -188,7 +188,8 @@ pub enum GarmentError {
     /// Too much of the garment can't be knitted.
     #[error(
         "{}: {what}, which is over the limit of {} %: lay these faces flat in the pattern and \
-         export it again, or give --allow-loss (`warpknit inspect -o sheet.svg` marks them)",
+         export it again, or give --allow-loss (`warpknit inspect GARMENT -o sheet.svg` shows which lie \
+         flat, and marks the flipped ones)",
         .path.display(), 100.0 * super::MOST_LOSS
     )]
     Loss {

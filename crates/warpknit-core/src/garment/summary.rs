@@ -298,7 +298,7 @@ impl GarmentSummary {
         }
         self.warnings.push(format!(
             "{what}; lay these faces flat in the pattern and export it again \
-             (`warpknit inspect -o sheet.svg` marks them)"
+             (`warpknit inspect GARMENT -o sheet.svg` shows which lie flat, and marks the flipped ones)"
         ));
         Ok(())
     }
