@@ -13,9 +13,11 @@ use image::RgbImage;
 use warpknit::export::OutputFolder;
 use warpknit::folder::captured::{FILES, save};
 use warpknit::folder::recognised;
-use warpknit::photo::capture::{CaptureSettings, Captured, GivenLayout, Hypothesis, MeanRepeat};
+use warpknit::photo::capture::{
+    CaptureSettings, Captured, GivenLayout, Hypothesis, LEAST_CELL, MeanRepeat,
+};
 use warpknit::photo::recognise::{
-    Face, Kinds, MOST_UNEXPLAINED, RecogniseSettings, Recognition, recognise,
+    Face, Kinds, MOST_UNEXPLAINED, RecogniseError, RecogniseSettings, Recognition, recognise,
 };
 use warpknit::photo::yarn::read_photo;
 
@@ -25,10 +27,6 @@ use warpknit::pipeline::{Listener as _, Task, check_distinct};
 
 /// Longest layout file, bytes. One of 64 segments has some thousands.
 const MOST_BYTES: u64 = 1 << 20;
-
-/// The least length of a repeat in which strands of no known structure are believed, pixels. In two
-/// real photos of 3 and 4 they were guesses; a weave of 7 was right.
-const LEAST_CELL: f64 = 6.0;
 
 /// Captures a photo. The folder appears only when all of its files are whole.
 pub(crate) fn capture(arguments: &Capture) -> Result<()> {
@@ -41,6 +39,11 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let files = FILES.iter().chain(recognised::FILES.iter().filter(|file| !FILES.contains(file)));
     let outputs: Vec<PathBuf> = files.map(|file| arguments.output.join(file)).collect();
     check_distinct(inputs, outputs.iter().map(PathBuf::as_path))?;
+    if arguments.structure == Some(CaptureAs::Free)
+        && (arguments.front.is_some() || !arguments.lapping.is_empty())
+    {
+        bail!("--structure free takes one photo and no lapping: leave --front and --lapping out");
+    }
     let folder = OutputFolder::create(&arguments.output)?;
     let layout = arguments.layout.as_deref().map(read_layout).transpose()?;
     let photo = read_photo(&arguments.photo)?;
@@ -92,6 +95,13 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let quiet = arguments.running.quiet;
     for note in found.warnings() {
         tell(quiet, &format!("note: {}: {note}", arguments.photo.display()));
+    }
+    if !is_weave && may_knit(arguments) {
+        tell(
+            quiet,
+            "note: no structure was recognised, so these are strands as they are seen: if the cloth is \
+             a knit, --structure knit and a photo of its face (--front) tell more",
+        );
     }
     let count = found.layout.visible.len();
     let noun = if count == 1 { "segment" } else { "segments" };
@@ -180,8 +190,8 @@ fn recognised(
         pixels_per_mm: pixels_per_mm(arguments, photo),
         ..RecogniseSettings::default()
     };
-    let found =
-        recognise(&photos, &settings).with_context(|| arguments.photo.display().to_string())?;
+    let found = recognise(&photos, &settings)
+        .map_err(|error| anyhow!("{}: {error}", blamed(arguments, &error).display()))?;
     if found.unexplained() > MOST_UNEXPLAINED && !arguments.anyway {
         let [wale, course] = found.frames[0].map(DVec2::from);
         bail!(
@@ -197,6 +207,16 @@ fn recognised(
         );
     }
     Ok(found)
+}
+
+/// The photo that an error is about.
+fn blamed<'a>(arguments: &'a Capture, error: &RecogniseError) -> &'a Path {
+    match error {
+        RecogniseError::NoFrame { photo: 1.. } | RecogniseError::Stripes { photo: 1.. } => {
+            arguments.front.as_ref().unwrap_or(&arguments.photo)
+        }
+        _ => &arguments.photo,
+    }
 }
 
 /// Writes a recognised knit.
@@ -223,8 +243,9 @@ fn save_knit(
             "densities", fabric.wales_per_cm, fabric.courses_per_cm
         ),
         format!("{:12}{}", "unexplained", percent(found.unexplained())),
-        format!("{:12}{}", "margin", percent(found.margin())),
     ];
+    // Where a person has named the lapping, nothing competes with it.
+    lines.extend((ranked.len() > 1).then(|| format!("{:12}{}", "margin", percent(found.margin()))));
     lines.extend((0..fabric.yarn_systems()).map(|system| {
         let name = if fabric.warp_knit().is_some() { "bar" } else { "feeder" };
         format!(

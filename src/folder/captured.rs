@@ -49,7 +49,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
     picture(folder, "grid3x3.png", &captured.grid_picture())?;
     picture(folder, "texture.png", captured.texture())?;
     picture(folder, "depth.png", &captured.depth_picture())?;
-    picture(folder, "preview.png", &preview(&captured.fabric))?;
+    picture(folder, "preview.png", &preview(&captured.fabric, View::Front))?;
     fibres(&captured.fabric, &folder.file("fibres.usda"))?;
     text(folder, "layout.svg", &svg::text(&captured.drawing()))?;
     text(folder, "layout.toml", &captured.layout_text())?;
@@ -86,8 +86,8 @@ fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
     output.publish()
 }
 
-/// A picture of some cells of the cloth.
-pub(super) fn preview(fabric: &Fabric) -> RgbaImage {
+/// A picture of some cells of the cloth as seen from a side.
+pub(super) fn preview(fabric: &Fabric, view: View) -> RgbaImage {
     // More cells along their shorter side, so that the preview is about square.
     let side = PREVIEW_CELLS * fabric.wale_spacing().max(fabric.course_spacing());
     let [wales, courses] =
@@ -98,7 +98,7 @@ pub(super) fn preview(fabric: &Fabric) -> RgbaImage {
         height: PREVIEW_SIDE,
         ..render::RenderOptions::default()
     };
-    let camera = Camera::view(View::Front, &scene.positions, PREVIEW_VIEW, 1.0, 1.0);
+    let camera = Camera::view(view, &scene.positions, PREVIEW_VIEW, 1.0, 1.0);
     render::render(&scene, &camera, &options, &|_| ()).expect("pictures of that size can be drawn")
 }
 

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::captured::{picture, preview, text};
 use crate::export::{ExportError, OutputFolder};
 use crate::photo::recognise::{Ranked, Recognition};
+use crate::render::View;
 
 /// All files of such a folder. The last one is there where two photos were given.
 pub const FILES: [&str; 5] = ["fabric.toml", "preview.png", "report.json", "back.png", "front.png"];
@@ -20,7 +21,9 @@ pub fn save(found: &Recognition, folder: &OutputFolder) -> Result<(), ExportErro
     for (name, comparison) in FILES[3..].iter().zip(&found.comparisons) {
         picture(folder, name, comparison)?;
     }
-    picture(folder, "preview.png", &preview(&found.fabric))?;
+    // The first photo is that of the technical back, or of a weft knit's face.
+    let view = if found.fabric.weft_knit().is_some() { View::Front } else { View::Back };
+    picture(folder, "preview.png", &preview(&found.fabric, view))?;
     text(folder, "fabric.toml", &fabric_text(found))?;
     let report = serde_json::to_string_pretty(&report(found)).expect("names and numbers are JSON");
     text(folder, "report.json", &(report + "\n"))

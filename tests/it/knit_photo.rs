@@ -21,10 +21,15 @@ pub(crate) struct Taking {
     pub(crate) bend: f64,
     /// How much lighter a side is.
     pub(crate) light: f64,
+    /// Least and most light of what lies behind the cloth, 255 for white.
+    pub(crate) ground: [f64; 2],
 }
 
 /// As a person with a phone takes it who takes care.
-pub(crate) const FAIR: Taking = Taking { blur: 1.0, noise: 0.05, bend: 0.0, light: 0.3 };
+pub(crate) const FAIR: Taking =
+    Taking { blur: 1.0, noise: 0.05, bend: 0.0, light: 0.3, ground: [8.0, 40.0] };
+/// The same on paper.
+pub(crate) const ON_PAPER: Taking = Taking { ground: [200.0, 250.0], ..FAIR };
 
 /// Pixels that are drawn, and pixels of the photo.
 const DRAWN: u32 = 420;
@@ -44,8 +49,8 @@ pub(crate) fn varied(fabric: &Fabric, seed: u64) -> Fabric {
     varied
 }
 
-/// A drawing of a face of a fabric, larger than the photo of it.
-pub(crate) fn drawn(fabric: &Fabric, face: Face, seed: u64) -> RgbImage {
+/// A drawing of a face of a fabric, larger than the photo of it that is taken.
+fn drawn(fabric: &Fabric, face: Face, [darkest, lightest]: [f64; 2], seed: u64) -> RgbImage {
     let mut random = Random::new(seed ^ 0x5eed);
     let wale = random.within(16.0, 22.0);
     let scale = fabric.wale_spacing() / wale;
@@ -71,7 +76,7 @@ pub(crate) fn drawn(fabric: &Fabric, face: Face, seed: u64) -> RgbImage {
     );
     let turn = random.within(0.0, std::f64::consts::TAU);
     let sun = Vec3::new(0.7 * turn.cos() as f32, 0.7 * turn.sin() as f32, 0.7);
-    let background = Background::Color([byte(random.within(8.0, 40.0)); 3]);
+    let background = Background::Color([byte(random.within(darkest, lightest)); 3]);
     let options = RenderOptions {
         width: DRAWN,
         height: DRAWN,
@@ -88,8 +93,9 @@ pub(crate) fn drawn(fabric: &Fabric, face: Face, seed: u64) -> RgbImage {
     })
 }
 
-/// A photo of a drawing.
-pub(crate) fn taken(drawn: &RgbImage, taking: Taking, seed: u64) -> RgbImage {
+/// A photo of a face of a fabric.
+pub(crate) fn taken(fabric: &Fabric, face: Face, taking: Taking, seed: u64) -> RgbImage {
+    let drawn = drawn(fabric, face, taking.ground, seed);
     let mut random = Random::new(seed ^ 0xca3e4a);
     let side = f64::from(SIDE);
     let turn = random.within(-6.0, 6.0).to_radians();
@@ -110,7 +116,7 @@ pub(crate) fn taken(drawn: &RgbImage, taking: Taking, seed: u64) -> RgbImage {
     };
     let gamma = random.within(0.75, 1.3);
     let gradient = DVec2::new(random.within(-1.0, 1.0), random.within(-1.0, 1.0)) * taking.light;
-    let blurred = image::imageops::fast_blur(drawn, taking.blur as f32);
+    let blurred = image::imageops::fast_blur(&drawn, taking.blur as f32);
     let middle = 0.5 * (f64::from(DRAWN) - 1.0);
     RgbImage::from_fn(SIDE, SIDE, |x, y| {
         let p = DVec2::new(f64::from(x), f64::from(y)) - 0.5 * (side - 1.0);

@@ -74,7 +74,8 @@ pub(crate) struct Capture {
     /// colours are looked for
     #[arg(long, value_name = "CHAIN", conflicts_with_all = ["cell", "layout"])]
     pub(crate) lapping: Vec<String>,
-    /// Write the best guess even if it leaves over 40 % unexplained
+    /// Write the best guess even if it leaves over 40 % unexplained, or if the repeat is too small
+    /// to see yarns in
     #[arg(long)]
     pub(crate) anyway: bool,
     /// Both vectors of the repeating cell, pixels, y down, instead of finding them

@@ -80,6 +80,7 @@ pub use layout::Layout;
 pub use layout_file::{GivenLayout, GivenLayoutError};
 pub use segment::Segment;
 pub use shape::CylinderShape;
+pub use warnings::LEAST_CELL;
 
 /// Length of a cell's shorter vector from which on a view is large enough, pixels. In smaller cells
 /// a yarn is under four pixels wide, and a larger view is tried.

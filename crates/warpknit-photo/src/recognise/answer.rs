@@ -7,11 +7,10 @@
 
 use glam::DVec3;
 
-use super::candidate::Candidate;
 use super::fit::{Fit, seen};
 use super::sketch::NONE;
 use super::view::FaceView;
-use crate::plane::double;
+use crate::plane::{Plane, double, percentile};
 use warpknit_core::fabric::lapping::{Chain, Numbering};
 use warpknit_core::fabric::yarn::{Color, Count};
 use warpknit_core::fabric::{Fabric, Lay, Structure};
@@ -20,8 +19,15 @@ use warpknit_core::fabric::{Fabric, Lay, Structure};
 const NAME: &str = "captured";
 /// Colours of bars that differ by less than this in each of linear red, green and blue are one.
 const SAME_COLOR: f64 = 0.06;
-/// The share of a bar's lightest pixels whose mean is its colour. The others lie in the shade.
-const LIGHTEST: f64 = 0.3;
+/// Blur of a photo in which colours are sought, pixels of a sketch.
+const BLUR: usize = 1;
+/// How far colours are drawn to the one that all yarns have in common, as a share of what is seen of them.
+/// Of a bar that is hardly seen, little is known.
+const COMMON: f64 = 0.02;
+/// Share of the lights below the one that shows a yarn's own colour: what is brighter is a highlight.
+const TOP: f32 = 0.9;
+/// Rounds in which colours are found. They end far sooner.
+const ROUNDS: usize = 200;
 
 /// The fabric that a fit shows. `pixels_per_mm` is the scale of the first photo.
 pub(super) fn fabric(fit: &Fit, views: &[FaceView], pixels_per_mm: Option<f64>) -> Fabric {
@@ -72,54 +78,152 @@ fn from_gap_0(chain: &Chain) -> Option<Chain> {
     Chain::parse(&laps.collect::<Vec<_>>().join("/"), Numbering::Tricot).ok()
 }
 
-/// The colour of each yarn system where it is seen; one for all if they hardly differ.
+/// The colour of each yarn system; one for all if they hardly differ.
+///
+/// What a pixel shows is the sum of all yarns in it and of the ground, each its colour times its light. So
+/// neighbours of another colour and shade take nothing away from a thin yarn's.
 fn colors(fit: &Fit, views: &[FaceView]) -> Vec<Color> {
     let systems = fit.candidate.fabric.yarn_systems();
-    let mut samples: Vec<Vec<(f32, DVec3)>> = vec![Vec::new(); systems];
-    for (view, score) in views.iter().zip(&fit.scores) {
+    let mut sums = ColorSums::new(systems + views.len());
+    for (number, (view, score)) in views.iter().zip(&fit.scores).enumerate() {
+        let lights = lights(fit, view, views.len());
         let colors = view.mean_colors(fit.candidate.repeat(), score.frame);
-        collect(&fit.candidate, fit, view, views.len(), score.matched.shift, &colors, &mut samples);
+        let [right, down] = score.matched.shift;
+        let (width, height) = (lights[0].width, lights[0].height);
+        for at in 0..width * height {
+            let [x, y] = [(at % width + right) % width, (at / width + down) % height];
+            let mut parts = vec![0.0; systems + views.len()];
+            let (yarns, grounds) = parts.split_at_mut(systems);
+            grounds[number] = f64::from(lights[systems].values[at]);
+            yarns.iter_mut().zip(&lights).for_each(|(part, own)| *part = own.values[at].into());
+            sums.add(&parts, colors[y * width + x]);
+        }
     }
-    let means: Vec<Option<DVec3>> = samples.iter_mut().map(|own| lightest(own)).collect();
-    let known: Vec<DVec3> = means.iter().flatten().copied().collect();
-    let all = known.iter().sum::<DVec3>() / double(known.len().max(1));
-    let is_one = known.iter().all(|color| (*color - all).abs().max_element() < SAME_COLOR);
-    means
-        .into_iter()
+    let all = sums.common(systems);
+    let own = sums.solved(systems, all);
+    let is_one = own.iter().all(|color| (*color - all).abs().max_element() < SAME_COLOR);
+    own.into_iter()
         .map(|own| {
-            let linear = own.filter(|_| !is_one).unwrap_or(all).clamp(DVec3::ZERO, DVec3::ONE);
+            let linear = if is_one { all } else { own }.min(DVec3::ONE);
             Color::from_linear(linear.as_vec3().into())
         })
         .collect()
 }
 
-/// Adds the colours of each system's pixels, with the light that the sketch has there.
-fn collect(
-    candidate: &Candidate,
-    fit: &Fit,
-    view: &FaceView,
-    photos: usize,
-    shift: [usize; 2],
-    colors: &[DVec3],
-    samples: &mut [Vec<(f32, DVec3)>],
-) {
-    let sketch = candidate.sketch(seen(view, photos, candidate));
+/// The light of each yarn system and, last, that of the ground, as a photo shows them.
+fn lights(fit: &Fit, view: &FaceView, photos: usize) -> Vec<Plane> {
+    let sketch = fit.candidate.sketch(seen(view, photos, &fit.candidate));
     let mirrored = fit.is_mirrored.then(|| sketch.mirrored());
     let sketch = mirrored.as_ref().unwrap_or(sketch);
-    let (width, height) = (sketch.channels[0].width, sketch.channels[0].height);
-    for (at, system) in sketch.systems.iter().enumerate().filter(|(_, system)| **system != NONE) {
-        let [x, y] = [(at % width + shift[0]) % width, (at / width + shift[1]) % height];
-        if let Some(own) = samples.get_mut(usize::from(*system)) {
-            own.push((sketch.channels[0].values[at], colors[y * width + x]));
+    let light = &sketch.channels[0];
+    let mut yarns: Vec<f32> = sketch
+        .systems
+        .iter()
+        .zip(&light.values)
+        .filter(|(system, _)| **system != NONE)
+        .map(|(_, light)| *light)
+        .collect();
+    let top = percentile(&mut yarns, TOP).max(f32::MIN_POSITIVE);
+    let of_system = |system: usize| {
+        Plane::from_fn(light.width, light.height, |x, y| {
+            let at = y * light.width + x;
+            if usize::from(sketch.systems[at]) == system { light.values[at] / top } else { 0.0 }
+        })
+    };
+    let systems = fit.candidate.fabric.yarn_systems();
+    let mut lights: Vec<Plane> =
+        (0..systems).map(|system| of_system(system).blurred(BLUR, true)).collect();
+    lights.push(sketch.ground.blurred(BLUR, true));
+    lights
+}
+
+/// Sums for the colours of some parts by least squares.
+struct ColorSums {
+    /// Sums of products of the lights of each part with each.
+    products: Vec<Vec<f64>>,
+    /// Sums of the lights of each part with what is seen.
+    seen: Vec<DVec3>,
+}
+
+impl ColorSums {
+    fn new(parts: usize) -> Self {
+        Self { products: vec![vec![0.0; parts]; parts], seen: vec![DVec3::ZERO; parts] }
+    }
+
+    /// Adds a pixel: the light of each part, and what is seen.
+    fn add(&mut self, parts: &[f64], seen: DVec3) {
+        for ((row, own), sum) in self.products.iter_mut().zip(parts).zip(&mut self.seen) {
+            row.iter_mut().zip(parts).for_each(|(product, other)| *product += own * other);
+            *sum += *own * seen;
         }
+    }
+
+    /// The colour that the first `yarns` parts have in common.
+    fn common(&self, yarns: usize) -> DVec3 {
+        let count = self.seen.len() - yarns + 1;
+        let group = |part: usize| (part + 1).saturating_sub(yarns);
+        let mut sums = Self::new(count);
+        for (row, products) in self.products.iter().enumerate() {
+            sums.seen[group(row)] += self.seen[row];
+            for (column, product) in products.iter().enumerate() {
+                sums.products[group(row)][group(column)] += product;
+            }
+        }
+        sums.solved(1, DVec3::ZERO)[0]
+    }
+
+    /// The colours of the first `yarns` parts, drawn to one. Nothing is darker than black (Gauss and
+    /// Seidel's method, projected).
+    fn solved(&self, yarns: usize, common: DVec3) -> Vec<DVec3> {
+        let seen_of_all: f64 = (0..yarns).map(|part| self.products[part][part]).sum();
+        let pull = COMMON * seen_of_all / double(yarns);
+        let mut colors = vec![common; self.seen.len()];
+        for _ in 0..ROUNDS {
+            for part in 0..colors.len() {
+                let row = &self.products[part];
+                let pull = if part < yarns { pull } else { 0.0 };
+                let others: DVec3 =
+                    row.iter().zip(&colors).map(|(product, color)| *product * *color).sum();
+                let rest = self.seen[part] - others + row[part] * colors[part] + pull * common;
+                let weight = (row[part] + pull).max(f64::MIN_POSITIVE);
+                colors[part] = (rest / weight).max(DVec3::ZERO);
+            }
+        }
+        colors.truncate(yarns);
+        colors
     }
 }
 
-/// The mean colour of the lightest samples.
-fn lightest(samples: &mut [(f32, DVec3)]) -> Option<DVec3> {
-    samples.sort_by(|a, b| b.0.total_cmp(&a.0));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-    let count = (LIGHTEST * double(samples.len())).ceil() as usize;
-    (count > 0)
-        .then(|| samples[..count].iter().map(|(_, color)| *color).sum::<DVec3>() / double(count))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_of_neighbours_are_told_from_each_other() {
+        let truth = [DVec3::new(0.8, 0.7, 0.5), DVec3::new(0.1, 0.2, 0.4), DVec3::ONE];
+        let mut sums = ColorSums::new(3);
+        for at in 0..100 {
+            let [first, second] = [7, 13].map(|step| f64::from(at * step % 17) / 17.0);
+            let parts = [0.8 * first * second, first * (1.0 - second), 1.0 - first];
+            sums.add(&parts, parts.iter().zip(truth).map(|(part, color)| *part * color).sum());
+        }
+        let common = sums.common(2);
+        let found = sums.solved(2, common);
+        for (found, truth) in found.iter().zip(truth) {
+            assert!(found.distance(truth) < 0.05, "{found} {truth}");
+            assert!((common - truth).abs().max_element() < 0.7);
+        }
+    }
+
+    #[test]
+    fn a_yarn_that_is_never_seen_has_the_colour_of_the_others() {
+        let mut sums = ColorSums::new(3);
+        for light in (1..9).map(|at| 0.1 * f64::from(at)) {
+            sums.add(&[light, 0.0, 0.1], DVec3::splat(0.5 * light));
+        }
+        let common = sums.common(2);
+        for color in sums.solved(2, common) {
+            assert!(color.distance(DVec3::splat(0.5)) < 1e-6, "{color}");
+        }
+    }
 }

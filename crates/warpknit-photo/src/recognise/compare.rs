@@ -12,13 +12,15 @@ use std::cmp::Ordering;
 use glam::{DMat4, DVec4};
 use rustfft::num_complex::Complex32;
 
-use super::sketch::{CHANNELS, Sketch};
+use super::sketch::{CHANNELS, Ground};
 use crate::fourier::Fourier;
-use crate::plane::{double, narrow};
+use crate::plane::{Plane, double, narrow};
 
 /// Share of a channel's power that is added to it: a light of which a little is seen in the photo
 /// may not explain much of it.
 const RIDGE: [f64; CHANNELS] = [0.02, 0.3, 0.3, 0.3];
+/// The same on light ground, whose own light explains most of what is seen.
+const RIDGE_ON_LIGHT: [f64; CHANNELS] = [0.02, 0.3, 0.3, 0.02];
 
 /// A sketch, ready to be compared.
 #[derive(Clone)]
@@ -26,6 +28,9 @@ pub(super) struct Template {
     spectra: [Vec<Complex32>; CHANNELS],
     /// What products of the channels with a cell explain is this matrix between them.
     explained: DMat4,
+    /// Only products with the channels that have a positive product with both of these are possible.
+    /// Whatever the light, high yarns are lighter than low ones, and light ground is light.
+    possible: [DVec4; 2],
 }
 
 /// The best fit of a template to a cell.
@@ -77,25 +82,38 @@ impl CellSpectrum {
 }
 
 impl Template {
-    /// A sketch, blurred by a Gaussian of so many of its pixels.
-    pub(super) fn new(fourier: &Fourier, sketch: &Sketch, blur: f64) -> Self {
-        let channels = sketch.channels.each_ref().map(|plane| &plane.values);
+    /// The channels of a sketch on some ground, blurred by a Gaussian of so many of its pixels.
+    pub(super) fn new(
+        fourier: &Fourier,
+        channels: [&Plane; CHANNELS],
+        ground: Ground,
+        blur: f64,
+    ) -> Self {
+        let channels = channels.map(|plane| &plane.values);
         let pair = |at: usize| {
             channels[at].iter().zip(channels[at + 1]).map(|(one, other)| [*one, *other])
         };
-        Self::of_spectra(fourier, [pair(0), pair(2)].map(|pair| fourier.spectra_of_two(pair)), blur)
+        let spectra = [pair(0), pair(2)].map(|pair| fourier.spectra_of_two(pair));
+        Self::of_spectra(fourier, spectra, ground, blur)
     }
 
     /// The lights of a sketch in all channels, place by place, blurred in the same way.
-    pub(super) fn of_lights(fourier: &Fourier, lights: &[[f32; CHANNELS]], blur: f64) -> Self {
+    pub(super) fn of_lights(
+        fourier: &Fourier,
+        lights: &[[f32; CHANNELS]],
+        ground: Ground,
+        blur: f64,
+    ) -> Self {
         let pair = |at: usize| lights.iter().map(move |light| [light[at], light[at + 1]]);
-        Self::of_spectra(fourier, [pair(0), pair(2)].map(|pair| fourier.spectra_of_two(pair)), blur)
+        let spectra = [pair(0), pair(2)].map(|pair| fourier.spectra_of_two(pair));
+        Self::of_spectra(fourier, spectra, ground, blur)
     }
 
     /// The spectra of the channels, blurred in the same way.
     fn of_spectra(
         fourier: &Fourier,
         [[a, b], [c, d]]: [[Vec<Complex32>; 2]; 2],
+        ground: Ground,
         blur: f64,
     ) -> Self {
         let weights = Gaussian::new(fourier, blur);
@@ -109,12 +127,21 @@ impl Template {
         gram.iter_mut().flatten().for_each(|entry| *entry /= double(fourier.len()));
         let scale = gram[0][0].max(f64::MIN_POSITIVE);
         let plain = DMat4::from_cols_array_2d(&gram);
-        for (at, ridge) in RIDGE.into_iter().enumerate() {
+        let ridges = match ground {
+            Ground::Dark => RIDGE,
+            Ground::Light => RIDGE_ON_LIGHT,
+        };
+        for (at, ridge) in ridges.into_iter().enumerate() {
             gram[at][at] += ridge * gram[at][at] + 1e-9 * scale;
         }
         // The light `l` that fits products `p` is `inverse p`, and it explains `2 l p - l plain l`.
         let inverse = DMat4::from_cols_array_2d(&gram).inverse();
-        Self { spectra, explained: 2.0 * inverse - inverse * plain * inverse }
+        // Light ground outshines the yarns, so that the light that fits must tell.
+        let possible = match ground {
+            Ground::Dark => [DVec4::X; 2],
+            Ground::Light => [inverse.row(0), inverse.row(CHANNELS - 1)],
+        };
+        Self { spectra, explained: 2.0 * inverse - inverse * plain * inverse, possible }
     }
 
     /// The best fit to a cell over all shifts.
@@ -137,13 +164,12 @@ impl Template {
         let scale = 1.0 / double(fourier.len());
         let mut best = Match { explained: 0.0, shift: [0, 0] };
         for (at, (first, second)) in products[0].iter().zip(&products[1]).enumerate() {
-            // Whatever the light, high yarns are lighter than low ones.
-            if first.re <= 0.0 {
-                continue;
-            }
             let product =
                 DVec4::new(first.re.into(), first.im.into(), second.re.into(), second.im.into())
                     * scale;
+            if self.possible.iter().any(|way| product.dot(*way) <= 0.0) {
+                continue;
+            }
             let explained = product.dot(self.explained * product);
             if explained > best.explained {
                 best = Match { explained, shift: [at % fourier.width, at / fourier.width] };

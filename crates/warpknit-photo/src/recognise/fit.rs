@@ -52,11 +52,17 @@ impl Fit {
         each.sum::<f64>() / double(self.scores.len().max(1))
     }
 
-    /// Whether a photo shows nothing but stripes in its best frame.
-    pub(super) fn is_of_stripes(&self, views: &[FaceView]) -> bool {
+    /// The first photo that shows nothing but stripes in its best frame.
+    pub(super) fn striped_photo(&self, views: &[FaceView]) -> Option<usize> {
         let repeat = self.candidate.repeat();
         let mut each = self.scores.iter().zip(views);
-        each.any(|(score, view)| view.is_striped(repeat, score.frame))
+        each.position(|(score, view)| view.is_striped(repeat, score.frame))
+    }
+
+    /// The photo of which it explains least.
+    pub(super) fn worst_photo(&self) -> usize {
+        let each = self.scores.iter().map(|score| score.explained).enumerate();
+        each.min_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(0, |(photo, _)| photo)
     }
 
     /// Course spacing over wale spacing, the mean of all photos.

@@ -334,7 +334,7 @@ impl Compared<'_> {
             Detail::Rough => BLUR / 2.0,
         };
         let each = self.views.iter().zip(&self.hypothesis.frames).map(|(view, frames)| {
-            let lights = self.stitches.lights(laps, view.face, detail);
+            let lights = self.stitches.lights(laps, view.face, view.ground, detail);
             let template = view.template_of(raster, &lights, blur);
             let best = template.and_then(|template| {
                 view.scores(&template, raster, frames.iter().copied()).first().copied()

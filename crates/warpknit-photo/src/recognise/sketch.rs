@@ -3,7 +3,8 @@
 //! In: a relaxed [`Pattern`] and the face that is seen. Out: a [`Sketch`], channels of light that
 //! tile. Any light is about a sum of them: one that falls from the camera and two that fall from
 //! aside, each by the share of the sky that a place sees (`sky_visibility`), and one that is dimmer in the
-//! depth of the cloth. So a photo's light is fitted, not known.
+//! depth of the cloth. Where the ground behind the cloth is lighter than it, the ground's own light is one in
+//! place of the last. So a photo's light is fitted, not known.
 //!
 //! Method: orthographic projection of round yarns into a height buffer of twice the resolution.
 //! Cost: about 0.3 ms a course of a wale. Not promised: shadows and fibres.
@@ -39,6 +40,16 @@ pub(super) const CHANNELS: usize = 4;
 /// No yarn at all is seen.
 pub(super) const NONE: u8 = u8::MAX;
 
+/// What is seen between the yarns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Ground {
+    /// Nothing, or something as dark as all that lies deep.
+    #[default]
+    Dark,
+    /// Something lighter than the cloth: white paper, the lid of a scanner, a window.
+    Light,
+}
+
 /// How finely a repeat is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Detail {
@@ -63,6 +74,8 @@ pub(super) struct Sketch {
     pub(super) repeat: [usize; 2],
     /// Light from the camera, from the right, from below, and that of the depth.
     pub(super) channels: [Plane; CHANNELS],
+    /// The share of each pixel in which no yarn is seen.
+    pub(super) ground: Plane,
     /// The yarn system that is seen at each pixel, or [`NONE`].
     pub(super) systems: Vec<u8>,
 }
@@ -166,8 +179,21 @@ impl Sketch {
                 *value = sign * own.values[flipped(at)];
             }
         }
+        let mut ground = self.ground.clone();
+        for (at, value) in ground.values.iter_mut().enumerate() {
+            *value = self.ground.values[flipped(at)];
+        }
         let systems = (0..self.systems.len()).map(|at| self.systems[flipped(at)]).collect();
-        Self { repeat: self.repeat, channels, systems }
+        Self { repeat: self.repeat, channels, ground, systems }
+    }
+
+    /// Its channels where it lies on some ground.
+    pub(super) fn on(&self, ground: Ground) -> [&Plane; CHANNELS] {
+        let [camera, right, below, depth] = &self.channels;
+        match ground {
+            Ground::Dark => [camera, right, below, depth],
+            Ground::Light => [camera, right, below, &self.ground],
+        }
     }
 }
 
@@ -265,10 +291,13 @@ impl HeightBuffer {
                 })
                 .collect(),
         });
+        let is_bare = |at: usize| f32::from(u8::from(self.tops[at].system == NONE));
+        let ground =
+            Plane::from_fn(width, height, |x, y| share * fine(x, y).map(is_bare).sum::<f32>());
         let systems = (0..width * height)
             .map(|at| fine(at % width, at / width).next().map_or(NONE, |at| self.tops[at].system))
             .collect();
-        Sketch { repeat, channels, systems }
+        Sketch { repeat, channels, ground, systems }
     }
 }
 

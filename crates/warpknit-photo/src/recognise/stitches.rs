@@ -22,7 +22,7 @@ use rayon::prelude::*;
 
 use super::Face;
 use super::candidate::{full_bars, proportioned};
-use super::sketch::{CHANNELS, COURSE, Detail, FINE, HeightBuffer, NONE, WALE};
+use super::sketch::{CHANNELS, COURSE, Detail, FINE, Ground, HeightBuffer, NONE, WALE};
 use crate::plane::{double, narrow};
 use warpknit_core::fabric::Fabric;
 use warpknit_core::knit::mesh::StructureMesh;
@@ -137,9 +137,15 @@ impl Stitches {
         self.bends.extend(fresh.into_iter().zip(bends));
     }
 
-    /// The lights of a lapping's repeat as seen from a face, row by row. Lappings that were not prepared
+    /// The lights of a lapping's repeat on some ground as seen from a face, row by row. Lappings that were not prepared
     /// stand upright.
-    pub(super) fn lights(&self, laps: &Laps, face: Face, detail: Detail) -> Vec<[f32; CHANNELS]> {
+    pub(super) fn lights(
+        &self,
+        laps: &Laps,
+        face: Face,
+        ground: Ground,
+        detail: Detail,
+    ) -> Vec<[f32; CHANNELS]> {
         let drawn = match detail {
             Detail::Fine => &self.fine,
             Detail::Rough => &self.rough,
@@ -162,6 +168,11 @@ impl Stitches {
                         lights[at] = spot.light;
                     }
                 }
+            }
+        }
+        if ground == Ground::Light {
+            for (light, height) in lights.iter_mut().zip(&heights) {
+                light[CHANNELS - 1] = f32::from(u8::from(*height == f32::NEG_INFINITY));
             }
         }
         let bends = self.bends.get(&needles(laps)).map_or(&[][..], |bends| bends);
@@ -328,8 +339,8 @@ mod tests {
         let mut stitches = Stitches::new(3, 0.8).unwrap();
         stitches.prepare(std::slice::from_ref(&laps));
         for face in [Face::Front, Face::Back] {
-            let [fine, rough] =
-                [Detail::Fine, Detail::Rough].map(|detail| stitches.lights(&laps, face, detail));
+            let [fine, rough] = [Detail::Fine, Detail::Rough]
+                .map(|detail| stitches.lights(&laps, face, Ground::Dark, detail));
             for channel in 0..CHANNELS {
                 let mean = |at: usize| {
                     let corner = 2 * (at / (WALE / 2)) * WALE + 2 * (at % (WALE / 2));

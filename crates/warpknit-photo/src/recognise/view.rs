@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::bends::Bends;
 use super::compare::{CellSpectrum, Match, Template};
 use super::frames::{Frame, frames, is_long};
-use super::sketch::{CHANNELS, Detail, Raster, Sketch, WALE};
+use super::sketch::{CHANNELS, Detail, Ground, Raster, Sketch, WALE};
 use super::unfold::{UnfoldedPhoto, beyond_stripes};
 use super::{Face, LEAST_BEYOND_STRIPES};
 use crate::capture::lattice::Lattice;
@@ -42,6 +42,8 @@ pub(super) const MOST_COURSES: usize = 4;
 /// A photo of a face.
 pub(super) struct FaceView {
     pub(super) face: Face,
+    /// What is seen between the yarns: dark until somebody finds out.
+    pub(super) ground: Ground,
     pub(super) frames: Vec<Frame>,
     sheets: Vec<UnfoldedPhoto>,
     /// For each frame the lattice by whose waves bends were taken off.
@@ -101,7 +103,16 @@ impl FaceView {
             .map(|(frame, at)| laid_out(&smooth, *frame, &bends[*at]))
             .collect();
         let channels = Plane::channels(photo);
-        Self { face, frames, sheets, lattice_of, bends, channels, folds: BTreeMap::new() }
+        Self {
+            face,
+            ground: Ground::default(),
+            frames,
+            sheets,
+            lattice_of,
+            bends,
+            channels,
+            folds: BTreeMap::new(),
+        }
     }
 
     /// Folds the photo into a repeat in all frames, unless that is done.
@@ -125,7 +136,7 @@ impl FaceView {
     /// A sketch, ready to be compared.
     pub(super) fn template(&self, sketch: &Sketch, blur: f64) -> Option<Template> {
         let (fourier, _) = self.folds.get(&Raster::fine(sketch.repeat))?;
-        Some(Template::new(fourier, sketch, blur))
+        Some(Template::new(fourier, sketch.on(self.ground), self.ground, blur))
     }
 
     /// The lights of a repeat, ready to be compared. The blur is in their own pixels.
@@ -136,7 +147,7 @@ impl FaceView {
         blur: f64,
     ) -> Option<Template> {
         let (fourier, _) = self.folds.get(&raster)?;
-        Some(Template::of_lights(fourier, lights, blur))
+        Some(Template::of_lights(fourier, lights, self.ground, blur))
     }
 
     /// The best frames for a template of a repeat, among some of them, the best first.
