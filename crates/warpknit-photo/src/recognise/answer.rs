@@ -100,7 +100,7 @@ fn colors(fit: &Fit, views: &[FaceView]) -> Vec<Color> {
         }
     }
     let all = sums.common(systems);
-    let own = sums.solved(systems, all);
+    let own = sums.solved(systems, Some(all));
     let is_one = own.iter().all(|color| (*color - all).abs().max_element() < SAME_COLOR);
     own.into_iter()
         .map(|own| {
@@ -169,14 +169,15 @@ impl ColorSums {
                 sums.products[group(row)][group(column)] += product;
             }
         }
-        sums.solved(1, DVec3::ZERO)[0]
+        sums.solved(1, None)[0]
     }
 
-    /// The colours of the first `yarns` parts, drawn to one. Nothing is darker than black (Gauss and
-    /// Seidel's method, projected).
-    fn solved(&self, yarns: usize, common: DVec3) -> Vec<DVec3> {
+    /// The colours of the first `yarns` parts, drawn to one if there is one. Nothing is darker than black
+    /// (Gauss and Seidel's method, projected).
+    fn solved(&self, yarns: usize, common: Option<DVec3>) -> Vec<DVec3> {
         let seen_of_all: f64 = (0..yarns).map(|part| self.products[part][part]).sum();
-        let pull = COMMON * seen_of_all / double(yarns);
+        let pull = if common.is_some() { COMMON * seen_of_all / double(yarns.max(1)) } else { 0.0 };
+        let common = common.unwrap_or(DVec3::ZERO);
         let mut colors = vec![common; self.seen.len()];
         for _ in 0..ROUNDS {
             for part in 0..colors.len() {
@@ -208,7 +209,7 @@ mod tests {
             sums.add(&parts, parts.iter().zip(truth).map(|(part, color)| *part * color).sum());
         }
         let common = sums.common(2);
-        let found = sums.solved(2, common);
+        let found = sums.solved(2, Some(common));
         for (found, truth) in found.iter().zip(truth) {
             assert!(found.distance(truth) < 0.05, "{found} {truth}");
             assert!((common - truth).abs().max_element() < 0.7);
@@ -222,7 +223,7 @@ mod tests {
             sums.add(&[light, 0.0, 0.1], DVec3::splat(0.5 * light));
         }
         let common = sums.common(2);
-        for color in sums.solved(2, common) {
+        for color in sums.solved(2, Some(common)) {
             assert!(color.distance(DVec3::splat(0.5)) < 1e-6, "{color}");
         }
     }
