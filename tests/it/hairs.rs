@@ -107,6 +107,23 @@ fn pictures_of_spun_yarns_have_hairs_unless_they_are_regular_or_have_no_fibres()
     assert!(drawn("tricot", &[]) == drawn("tricot", &["--fibres", "off"]));
 }
 
+/// Near the end that the panel's edge has cut, all points of a fibre follow that end.
+#[test]
+fn fibres_of_cut_yarns_are_written_with_their_stitches() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("sheet.obj"), crate::far::sheet(glam::DVec3::ZERO)).unwrap();
+    warpknit(folder)
+        .args(
+            "drape sheet.obj --fabric tricot --unit mm --wales-per-cm 0.6 --sweeps off".split(' '),
+        )
+        .args("--fibres on --fibre-radius 0.4 --quiet -o x.usda".split(' '))
+        .assert()
+        .success();
+    let text = std::fs::read_to_string(folder.join("x.usda")).unwrap();
+    assert!(text.matches("BasisCurves").count() > 1);
+}
+
 #[test]
 fn files_of_fibres_have_hairs() {
     let folder = tempfile::tempdir().unwrap();

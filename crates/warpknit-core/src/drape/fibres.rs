@@ -86,7 +86,8 @@ fn add_fibre(
     for (point, at) in points.iter().zip(followed) {
         fibres.draped.positions.push(point.as_dvec3());
         fibres.draped.normals.push(yarns.draped.normals[at]);
-        fibres.strands.sources.push(yarns.strands.sources[at]);
+        // Beside a cut end of the yarn there may be many points of a fibre, and each needs a data point.
+        fibres.strands.sources.push(yarns.strands.source_near(at));
     }
     let end = index32(fibres.draped.positions.len());
     // Each span of a fibre is a piece of its own: a tube gets St segments a piece.
