@@ -96,11 +96,14 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     for note in found.warnings() {
         tell(quiet, &format!("note: {}: {note}", arguments.photo.display()));
     }
-    if !is_weave && may_knit(arguments) {
+    if may_knit(arguments) {
+        let photo = arguments.photo.display();
         tell(
             quiet,
-            "note: no structure was recognised, so these are strands as they are seen: if the cloth is \
-             a knit, --structure knit and a photo of its face (--front) tell more",
+            &format!(
+                "note: {photo}: if the cloth is a knit, --structure knit and a photo of its face \
+                 (--front) tell more than this photo alone"
+            ),
         );
     }
     let count = found.layout.visible.len();
@@ -196,14 +199,14 @@ fn recognised(
         let [wale, course] = found.frames[0].map(DVec2::from);
         bail!(
             "{}: no knit explains enough: {} is the best and leaves {} of the repeat unexplained (at \
-             most {} may); a wale is {} and a course {} pixels; give --lapping, or --anyway to \
-             write it all the same",
+             most {} may); a wale is {} and a course {} pixels; give {}--anyway to write it all the same",
             arguments.photo.display(),
             found.ranked.first().map_or("none", |best| &best.fabric.name),
             percent(found.unexplained()),
             percent(MOST_UNEXPLAINED),
             vector(wale),
-            vector(course)
+            vector(course),
+            if arguments.lapping.is_empty() { "--lapping, or " } else { "" }
         );
     }
     Ok(found)

@@ -21,8 +21,9 @@ pub fn save(found: &Recognition, folder: &OutputFolder) -> Result<(), ExportErro
     for (name, comparison) in FILES[3..].iter().zip(&found.comparisons) {
         picture(folder, name, comparison)?;
     }
-    // The first photo is that of the technical back, or of a weft knit's face.
-    let view = if found.fabric.weft_knit().is_some() { View::Front } else { View::Back };
+    // The first photo is that of the technical back, but a weft knit's only one is taken for its face.
+    let is_face = found.comparisons.len() == 1 && found.fabric.weft_knit().is_some();
+    let view = if is_face { View::Front } else { View::Back };
     picture(folder, "preview.png", &preview(&found.fabric, view))?;
     text(folder, "fabric.toml", &fabric_text(found))?;
     let report = serde_json::to_string_pretty(&report(found)).expect("names and numbers are JSON");

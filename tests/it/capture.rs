@@ -692,15 +692,35 @@ fn a_locknit_on_paper_is_recognised() {
     assert!(found.unexplained() < 0.3, "{}", found.unexplained());
 }
 
-/// Waves down, and across them waves of a twentieth of their height.
+/// Waves down, and across them waves of a twentieth of their height; and stripes that are
+/// bent by a pixel.
 #[test]
 fn stripes_are_no_knit() {
-    let wave = |at: u32, length: f64| (std::f64::consts::TAU * f64::from(at) / length).cos();
-    let stripes = RgbImage::from_fn(300, 300, |x, y| {
-        image::Rgb([(128.0 + 60.0 * wave(y, 11.3) + 3.0 * wave(x, 16.7)).round() as u8; 3])
-    });
-    let found = recognise(&[(&stripes, Face::Back)], &RecogniseSettings::default());
-    assert_eq!(found.unwrap_err(), RecogniseError::Stripes { photo: 0 });
+    let wave = |at: f64, length: f64| (std::f64::consts::TAU * at / length).cos();
+    let straight = |x: f64, y: f64| 60.0 * wave(y, 11.3) + 3.0 * wave(x, 16.7);
+    let wavy = |x: f64, y: f64| 70.0 * wave(y + wave(x, 25.0), 14.0);
+    let pictures: [&dyn Fn(f64, f64) -> f64; 2] = [&straight, &wavy];
+    for stripes in pictures {
+        let photo = RgbImage::from_fn(300, 300, |x, y| {
+            image::Rgb([(128.0 + stripes(x.into(), y.into())).round() as u8; 3])
+        });
+        let found = recognise(&[(&photo, Face::Back)], &RecogniseSettings::default());
+        assert_eq!(found.unwrap_err(), RecogniseError::Stripes { photo: 0 });
+    }
+}
+
+#[test]
+fn strands_take_one_photo_and_no_lapping() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    knit_photo("tricot", Face::Back, 101).save(folder.join("back.png")).unwrap();
+    for more in [["--front", "back.png"], ["--lapping", "1-0/1-2//"]] {
+        let arguments = [&["back.png", "--structure", "free", "-o", "knit"][..], &more].concat();
+        let output = run(folder, &arguments);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(error.starts_with("error: --structure free takes one photo"), "{error}");
+        assert!(!folder.join("knit").exists());
+    }
 }
 
 /// Beside a clear weave a search through all lappings would take most of the time.

@@ -19,7 +19,7 @@ use crate::plane::{Plane, double, narrow};
 /// Share of a channel's power that is added to it: a light of which a little is seen in the photo
 /// may not explain much of it.
 const RIDGE: [f64; CHANNELS] = [0.02, 0.3, 0.3, 0.3];
-/// The same on light ground, whose own light explains most of what is seen.
+/// The same on light ground. Its own light may explain as much as the camera's, so it has the same ridge.
 const RIDGE_ON_LIGHT: [f64; CHANNELS] = [0.02, 0.3, 0.3, 0.02];
 
 /// A sketch, ready to be compared.
@@ -28,8 +28,8 @@ pub(super) struct Template {
     spectra: [Vec<Complex32>; CHANNELS],
     /// What products of the channels with a cell explain is this matrix between them.
     explained: DMat4,
-    /// Only products with the channels that have a positive product with both of these are possible.
-    /// Whatever the light, high yarns are lighter than low ones, and light ground is light.
+    /// At a possible shift, the channels' products with the cell have a positive product with each of these:
+    /// high yarns are lighter than low ones, whatever the light, and light ground adds light.
     possible: [DVec4; 2],
 }
 
@@ -136,7 +136,8 @@ impl Template {
         }
         // The light `l` that fits products `p` is `inverse p`, and it explains `2 l p - l plain l`.
         let inverse = DMat4::from_cols_array_2d(&gram).inverse();
-        // Light ground outshines the yarns, so that the light that fits must tell.
+        // Beside light ground high yarns may be dark places of the cell. But the light that fits must shine on
+        // them, and the ground must have some of its own.
         let possible = match ground {
             Ground::Dark => [DVec4::X; 2],
             Ground::Light => [inverse.row(0), inverse.row(CHANNELS - 1)],

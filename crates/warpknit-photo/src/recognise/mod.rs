@@ -184,7 +184,7 @@ const SEARCHED_UNEXPLAINED: f64 = 0.13;
 /// Share of a photo's variance that a knit explains at least: less, and it is chance.
 const LEAST_EXPLAINED: f64 = 0.06;
 /// Share of a mean repeat's variance that stripes leave: less, and it shows no stitches. Drawn knits
-/// have 0.19 and more, wavy stripes up to 0.09.
+/// have 0.19 and more, and of wavy stripes those of a wave of a pixel or less have under 0.09.
 const LEAST_BEYOND_STRIPES: f32 = 0.1;
 /// Drafts that are worth to be relaxed, and of these, those whose yarns are fitted.
 const RELAXED: usize = 20;
@@ -209,7 +209,8 @@ pub fn recognise(
 ) -> Result<Recognition, RecogniseError> {
     let mut views: Vec<FaceView> =
         photos.iter().map(|(photo, face)| FaceView::new(photo, *face)).collect();
-    if let Some(photo) = views.iter().position(|view| view.frames.is_empty()) {
+    let unframed = views.iter().position(|view| view.frames.is_empty());
+    if let Some(photo) = unframed.or(views.is_empty().then_some(0)) {
         return Err(RecogniseError::NoFrame { photo });
     }
     let fits = fitted(&mut views, settings)?;

@@ -76,8 +76,8 @@ pub(super) struct Sketch {
     pub(super) channels: [Plane; CHANNELS],
     /// The share of each pixel in which no yarn is seen.
     pub(super) ground: Plane,
-    /// The yarn system that is seen at each pixel, or [`NONE`].
-    pub(super) systems: Vec<u8>,
+    /// The light from the camera on each yarn system alone.
+    pub(super) yarns: Vec<Plane>,
 }
 
 /// What is seen at a place of the height buffer.
@@ -165,26 +165,29 @@ impl Sketch {
         for (system, thickness) in fabric.thickness().into_iter().enumerate() {
             buffer.draw(fabric, pattern, system, radius * thickness, face);
         }
-        buffer.shaded(repeat, fabric.wale_spacing())
+        buffer.shaded(repeat, fabric.wale_spacing(), fabric.yarn_systems())
     }
 
     /// Its mirror image, left for right.
     pub(super) fn mirrored(&self) -> Self {
         let width = self.channels[0].width;
         let flipped = |at: usize| at / width * width + width - 1 - at % width;
-        let mut channels = self.channels.clone();
-        for (number, (plane, own)) in channels.iter_mut().zip(&self.channels).enumerate() {
-            let sign = if number == 1 { -1.0 } else { 1.0 };
-            for (at, value) in plane.values.iter_mut().enumerate() {
-                *value = sign * own.values[flipped(at)];
-            }
+        let mirrored = |plane: &Plane, sign: f32| Plane {
+            values: (0..plane.values.len()).map(|at| sign * plane.values[flipped(at)]).collect(),
+            ..*plane
+        };
+        let [camera, right, below, depth] = &self.channels;
+        Self {
+            repeat: self.repeat,
+            channels: [
+                mirrored(camera, 1.0),
+                mirrored(right, -1.0),
+                mirrored(below, 1.0),
+                mirrored(depth, 1.0),
+            ],
+            ground: mirrored(&self.ground, 1.0),
+            yarns: self.yarns.iter().map(|yarn| mirrored(yarn, 1.0)).collect(),
         }
-        let mut ground = self.ground.clone();
-        for (at, value) in ground.values.iter_mut().enumerate() {
-            *value = self.ground.values[flipped(at)];
-        }
-        let systems = (0..self.systems.len()).map(|at| self.systems[flipped(at)]).collect();
-        Self { repeat: self.repeat, channels, ground, systems }
     }
 
     /// Its channels where it lies on some ground.
@@ -264,7 +267,7 @@ impl HeightBuffer {
     }
 
     /// The shaded picture.
-    fn shaded(&self, repeat: [usize; 2], wale: f64) -> Sketch {
+    fn shaded(&self, repeat: [usize; 2], wale: f64, systems: usize) -> Sketch {
         let mut heights: Vec<f32> =
             self.tops.iter().filter(|top| top.system != NONE).map(|top| top.height).collect();
         let highest = percentile(&mut heights, TOP);
@@ -282,22 +285,21 @@ impl HeightBuffer {
                 .map(move |at| (FINE * y + at / FINE) * self.size[0] + FINE * x + at % FINE)
         };
         let share = 1.0 / f32::from(u8::try_from(FINE * FINE).expect("a few"));
-        let channels = std::array::from_fn(|channel| Plane {
-            width,
-            height,
-            values: (0..width * height)
-                .map(|at| {
-                    fine(at % width, at / width).map(|at| light(at)[channel]).sum::<f32>() * share
-                })
-                .collect(),
-        });
+        let mean = |of: &(dyn Fn(usize) -> f32 + Sync)| {
+            Plane::from_fn(width, height, |x, y| share * fine(x, y).map(of).sum::<f32>())
+        };
         let is_bare = |at: usize| f32::from(u8::from(self.tops[at].system == NONE));
-        let ground =
-            Plane::from_fn(width, height, |x, y| share * fine(x, y).map(is_bare).sum::<f32>());
-        let systems = (0..width * height)
-            .map(|at| fine(at % width, at / width).next().map_or(NONE, |at| self.tops[at].system))
-            .collect();
-        Sketch { repeat, channels, ground, systems }
+        let of_system = |system: usize| {
+            mean(&|at| {
+                if usize::from(self.tops[at].system) == system { light(at)[0] } else { 0.0 }
+            })
+        };
+        Sketch {
+            repeat,
+            channels: std::array::from_fn(|channel| mean(&|at| light(at)[channel])),
+            ground: mean(&is_bare),
+            yarns: (0..systems).map(of_system).collect(),
+        }
     }
 }
 

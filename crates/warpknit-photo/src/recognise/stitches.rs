@@ -338,9 +338,12 @@ mod tests {
             vec![vec![(0, true), (3, false), (1, true)], vec![(1, true), (0, false), (1, false)]];
         let mut stitches = Stitches::new(3, 0.8).unwrap();
         stitches.prepare(std::slice::from_ref(&laps));
-        for face in [Face::Front, Face::Back] {
+        let grounds = [Ground::Dark, Ground::Light];
+        for (face, ground) in
+            [Face::Front, Face::Back].into_iter().flat_map(|face| grounds.map(|own| (face, own)))
+        {
             let [fine, rough] = [Detail::Fine, Detail::Rough]
-                .map(|detail| stitches.lights(&laps, face, Ground::Dark, detail));
+                .map(|detail| stitches.lights(&laps, face, ground, detail));
             for channel in 0..CHANNELS {
                 let mean = |at: usize| {
                     let corner = 2 * (at / (WALE / 2)) * WALE + 2 * (at % (WALE / 2));
