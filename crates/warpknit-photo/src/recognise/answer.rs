@@ -26,7 +26,7 @@ const BLUR: usize = 1;
 const COMMON: f64 = 0.1;
 /// Share of the lights below the one that shows a yarn's own colour: what is brighter is a highlight.
 const TOP: f32 = 0.9;
-/// Rounds in which colours are found. They change by less than 1e-6 in the last ones.
+/// Rounds in which colours are found: enough for lights that are much alike.
 const ROUNDS: usize = 200;
 
 /// The fabric that a fit shows. `pixels_per_mm` is the scale of the first photo.
