@@ -90,12 +90,13 @@ fn colors(fit: &Fit, views: &[FaceView]) -> Vec<Color> {
         let colors = view.mean_colors(fit.candidate.repeat(), score.frame);
         let [right, down] = score.matched.shift;
         let (width, height) = (lights[0].width, lights[0].height);
+        // The grounds of other photos are dark here.
+        let mut parts = vec![0.0; systems + views.len()];
         for at in 0..width * height {
             let [x, y] = [(at % width + right) % width, (at / width + down) % height];
-            let mut parts = vec![0.0; systems + views.len()];
-            let (yarns, grounds) = parts.split_at_mut(systems);
-            grounds[number] = f64::from(lights[systems].values[at]);
-            yarns.iter_mut().zip(&lights).for_each(|(part, own)| *part = own.values[at].into());
+            let yarns = parts.iter_mut().zip(&lights[..systems]);
+            yarns.for_each(|(part, own)| *part = own.values[at].into());
+            parts[systems + number] = lights[systems].values[at].into();
             sums.add(&parts, colors[y * width + x]);
         }
     }

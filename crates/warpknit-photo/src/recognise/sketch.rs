@@ -272,13 +272,11 @@ impl HeightBuffer {
             self.tops.iter().filter(|top| top.system != NONE).map(|top| top.height).collect();
         let highest = percentile(&mut heights, TOP);
         let sky = sky_visibility(self, wale);
-        let light = |at: usize| {
-            let top = &self.tops[at];
-            if top.system == NONE {
-                return [0.0; CHANNELS];
-            }
-            top.light(sky[at], top.depth_light(highest, wale))
+        let light = |(top, sky): (&Top, &f32)| match top.system {
+            NONE => [0.0; CHANNELS],
+            _ => top.light(*sky, top.depth_light(highest, wale)),
         };
+        let lights: Vec<[f32; CHANNELS]> = self.tops.iter().zip(&sky).map(light).collect();
         let [width, height] = self.size.map(|side| side / FINE);
         let fine = |x: usize, y: usize| {
             (0..FINE * FINE)
@@ -291,12 +289,12 @@ impl HeightBuffer {
         let is_bare = |at: usize| f32::from(u8::from(self.tops[at].system == NONE));
         let of_system = |system: usize| {
             mean(&|at| {
-                if usize::from(self.tops[at].system) == system { light(at)[0] } else { 0.0 }
+                if usize::from(self.tops[at].system) == system { lights[at][0] } else { 0.0 }
             })
         };
         Sketch {
             repeat,
-            channels: std::array::from_fn(|channel| mean(&|at| light(at)[channel])),
+            channels: std::array::from_fn(|channel| mean(&|at| lights[at][channel])),
             ground: mean(&is_bare),
             yarns: (0..systems).map(of_system).collect(),
         }

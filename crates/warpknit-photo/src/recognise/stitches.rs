@@ -137,8 +137,8 @@ impl Stitches {
         self.bends.extend(fresh.into_iter().zip(bends));
     }
 
-    /// The lights of a lapping's repeat on some ground as seen from a face, row by row. Lappings that were not prepared
-    /// stand upright.
+    /// The lights of a lapping's repeat on some ground as seen from a face, row by row. Lappings that
+    /// were not prepared stand upright.
     pub(super) fn lights(
         &self,
         laps: &Laps,
