@@ -4,13 +4,15 @@
 //! Contiguous arrays of the right type are read where they lie.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 use numpy::{PyArrayLike2, PyReadonlyArray2, PyUntypedArrayMethods, TypeMustMatch};
 use pyo3::prelude::*;
 use warpknit::garment::{self, Panel, ReadOptions, Unit};
+use warpknit::locate::overlap::count_covered;
+use warpknit::pipeline;
 
 use crate::error::{self, GarmentError};
 use crate::fabric::warn;
@@ -58,7 +60,7 @@ impl Garment {
     ) -> PyResult<Self> {
         let unit = unit.map(named_unit).transpose()?;
         let options = ReadOptions { unit, uv_scale, grain: grain.to_radians(), turn, allow_loss };
-        let read = py.detach(|| garment::read(&flat, draped.as_deref(), &options));
+        let read = py.detach(|| pipeline::read_garment(&flat, draped.as_deref(), &options));
         let inputs = [Some(flat), draped].into_iter().flatten().collect();
         Self::new(py, read, inputs)
     }
@@ -99,7 +101,12 @@ impl Garment {
         };
         let flat: &[DVec2] = bytemuck::cast_slice(&flat);
         let draped: &[DVec3] = bytemuck::cast_slice(&draped);
-        let made = py.detach(|| garment::Garment::from_arrays_with(flat, draped, &faces, &options));
+        let made = py.detach(|| {
+            let mut garment =
+                garment::Garment::from_arrays_with(flat, draped, &faces, &options)?;
+            count_covered(&mut garment, Path::new("arrays"), true)?;
+            Ok(garment)
+        });
         Self::new(py, made, Vec::new())
     }
 

@@ -119,7 +119,7 @@ fn laid(
     let mut garment = Arc::clone(garment);
     let whole = Arc::clone(&garment);
     if !fabric.panels.is_empty() {
-        pipeline::turn_grains(Arc::make_mut(&mut garment), fabric);
+        pipeline::turn_panels(Arc::make_mut(&mut garment), fabric);
     }
     let area = garment.panels.iter().map(Panel::area).sum();
     let shown = match settings.enlarge {

@@ -7,8 +7,8 @@ use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use warpknit::garment::{Frames, Garment, ReadOptions, moments, read};
-use warpknit::pipeline::Motion;
+use warpknit::garment::{Garment, ReadOptions, moments};
+use warpknit::pipeline::{Motion, read_frames, read_garment};
 
 /// The files of a garment.
 #[derive(Debug)]
@@ -67,16 +67,16 @@ impl Drapes {
         let (flat, frames) = (self.flat.as_deref(), &self.frames);
         if let [only] = frames.as_slice() {
             let garment = flat.map_or_else(
-                || read(only, None, options),
-                |flat| read(flat, Some(only), options),
+                || read_garment(only, None, options),
+                |flat| read_garment(flat, Some(only), options),
             )?;
             return Ok((garment, None));
         }
         let mut bad = Vec::new();
         for (first, frame) in frames.iter().enumerate() {
             let opened = flat.map_or_else(
-                || Frames::read(frame, None, options),
-                |flat| Frames::read(flat, Some(frame), options),
+                || read_frames(frame, None, options),
+                |flat| read_frames(flat, Some(frame), options),
             );
             match opened {
                 Ok((garment, reader)) => return Ok((garment, Some(Motion { reader, first, bad }))),

@@ -9,8 +9,9 @@ use glam::DVec3;
 use warpknit::chart::Drawing;
 use warpknit::export::Output;
 use warpknit::garment::stretch::{Percentiles, isometry, stretch};
-use warpknit::garment::{Garment, GarmentError, GarmentSummary, ReadOptions, read};
+use warpknit::garment::{Garment, GarmentError, GarmentSummary, ReadOptions};
 use warpknit::locate::overlap::{Overlaps, overlaps};
+use warpknit::pipeline::read_garment;
 
 use super::args::{DEFAULT_FABRIC, Inspect};
 use super::choice::named_fabric;
@@ -71,7 +72,7 @@ fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
     let (mut whole, mut failed) = (Vec::new(), Vec::new());
     for (number, draped) in garments.iter().enumerate() {
         let name = draped.map_or_else(|| first.display().to_string(), |draped| pair(first, draped));
-        match read(first, *draped, &options) {
+        match read_garment(first, *draped, &options) {
             Ok(garment) => {
                 print(&section(&name, &garment)?)?;
                 whole.extend(draw(&name, &garment, &targets[number])?);
@@ -260,7 +261,7 @@ fn overlap_lines(found: &Overlaps) -> String {
         let panels =
             found.within.iter().map(|(panel, area)| (format!("panel {panel}"), *area)).collect();
         text += &format!(
-            "  warning: over themselves, so that stitches there go to one of two places: {}\n",
+            "  panels over themselves in the flat file: {}\n",
             largest_overlaps(panels, least)
         );
     }
@@ -316,7 +317,7 @@ mod tests {
         assert_eq!(overlap_lines(&none), "  overlaps: none\n");
         let early = overlap_lines(&Overlaps { within: vec![(3, 2.5)], complete: false, ..none });
         assert!(
-            early.starts_with("  warning: over themselves")
+            early.starts_with("  panels over themselves")
                 && early.ends_with(": panel 3 (at least 2.50 mm²)\n"),
             "{early}"
         );

@@ -230,9 +230,12 @@ pub fn drawn_radius(fabric: &Fabric, chosen: Option<f64>) -> Result<f64, RunErro
     }
 }
 
-/// Turns the wale direction of each panel by the angle that the fabric's layout gives it.
-pub fn turn_grains(garment: &mut Garment, fabric: &Fabric) {
+/// Turns panels over and their wale directions as the fabric's layout of them says.
+pub fn turn_panels(garment: &mut Garment, fabric: &Fabric) {
     for layout in &fabric.panels {
+        if layout.turn {
+            garment.turn_over(layout.panel);
+        }
         garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());
     }
 }

@@ -12,9 +12,8 @@ use super::targets::check_distinct;
 use crate::drape::strands::Losses;
 use crate::drape::{Cloth, DrapeOptions, Totals};
 use crate::export::{ExportError, Format, html};
+use crate::garment::Garment;
 use crate::garment::stretch::triangles;
-use crate::garment::{Garment, Panel};
-use crate::locate::overlap::overlaps;
 use crate::map::Mapping;
 use crate::map::relaxed::StrainCounts;
 use crate::system::available_memory_gb;
@@ -138,28 +137,6 @@ pub fn loss_warning(totals: &Totals) -> Option<String> {
     })
 }
 
-/// Share of the pattern that may lie twofold without a warning. Real garments have a third of that at most.
-const LITTLE_OVERLAP: f64 = 1e-3;
-
-/// The warning about panels that lie over themselves in the pattern, if there are any. Cost: 60 ns a
-/// triangle, and more where there are.
-#[must_use]
-pub fn overlap_warning(garment: &Garment) -> Option<String> {
-    let pattern: f64 = garment.panels.iter().map(Panel::area).sum();
-    let within = overlaps(garment).within;
-    let area: f64 = within.iter().map(|(_, area)| area).sum();
-    (area > LITTLE_OVERLAP * pattern).then(|| {
-        format!(
-            "{:.1} cm² ({:.1} % of the pattern) lie over other cloth of their own panel (first panel {}): \
-             stitches there go to one of the two places, and the other stays bare; lay them apart in the \
-             pattern",
-            area / 100.0,
-            100.0 * area / pattern,
-            within[0].0
-        )
-    })
-}
-
 /// The note on how yarns keep their lengths, where the fabric's repeat can't be solved for strains: by
 /// sweeps alone, or not at all.
 #[must_use]
@@ -239,18 +216,5 @@ mod tests {
         assert!(stretched.contains("20 % of it, which is stretched in places to 1.30 times"));
         let bent = locked_warning(&locked(20), &of(1.0)).unwrap();
         assert!(bent.contains("bent sharply") && bent.contains("smooth the draped mesh"), "{bent}");
-    }
-
-    #[test]
-    fn a_panel_over_itself_is_told_with_its_area() {
-        let flat = [(0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (60.0, -10.0)].map(DVec2::from);
-        let draped = flat.map(|place| place.extend(0.0));
-        let fold =
-            |triangles: &[[u32; 3]]| Garment::from_arrays(&flat, &draped, triangles).unwrap();
-        assert_eq!(overlap_warning(&fold(&[[0, 1, 2]])), None);
-        let mut garment = fold(&[[0, 1, 2]]);
-        garment.panels[0].triangles.push([0, 1, 2]);
-        let told = overlap_warning(&garment).unwrap();
-        assert!(told.starts_with("50.0 cm² (50.0 % of the pattern) lie over"), "{told}");
     }
 }

@@ -29,6 +29,7 @@ mod motion;
 mod notes;
 mod numbers;
 mod pictures;
+mod reading;
 mod run;
 mod sequence;
 mod set;
@@ -44,7 +45,7 @@ mod warnings;
 mod writers;
 
 pub use clock::{Clock, Listener, Message, Task};
-pub use densities::{drawn_radius, turn_grains};
+pub use densities::{drawn_radius, turn_panels};
 pub use edges::{add_thread_look, add_threads, edges_of, has_finished_edges};
 pub use environment::{EnvironmentFileError, read_environment};
 pub use error::RunError;
@@ -53,11 +54,12 @@ pub use job::Source;
 pub use limits::MOST_STITCHES;
 pub use limits::{
     check_laid, check_memory, check_placement, check_stitches, lengths_note, locked_warning,
-    loss_warning, overlap_warning,
+    loss_warning,
 };
 pub use motion::{Motion, Sequence};
 pub use numbers::RealCloth;
 pub use pictures::options;
+pub use reading::{read_frames, read_garment};
 pub use run::{drape, swatch};
 pub use set::{Staged, set};
 pub use settings::{

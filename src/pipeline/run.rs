@@ -8,7 +8,7 @@ use std::borrow::Cow;
 
 use super::RunError;
 use super::clock::{Clock, Task};
-use super::densities::{Gauge, Shown, drawn_radius, shown, turn_grains};
+use super::densities::{Gauge, Shown, drawn_radius, shown, turn_panels};
 use super::edges;
 use super::job::{Job, Source};
 use super::limits::{check_settings, lengths_note};
@@ -61,7 +61,7 @@ pub fn drape(
     settings: &Settings,
     mut clock: Clock<'_>,
 ) -> Result<Done, RunError> {
-    turn_grains(&mut garment, fabric);
+    turn_panels(&mut garment, fabric);
     clock.stop();
     let mut settings = Cow::Borrowed(settings);
     if let Some((eye, target)) = settings.picture.eye {

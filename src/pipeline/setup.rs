@@ -9,7 +9,6 @@ use super::densities::drawn_radius;
 use super::edges;
 use super::fibres::Fibres;
 use super::job::Job;
-use super::limits::overlap_warning;
 use super::numbers::RealCloth;
 use super::settings::{Settings, Wanted};
 use super::textures::{self, Textures};
@@ -65,7 +64,6 @@ impl Setup {
     pub(super) fn first_warnings(&self, job: &Job<'_>) -> Vec<String> {
         let garment = job.cloth.garment();
         let mut warnings = garment.summary.warnings.clone();
-        warnings.extend(overlap_warning(garment));
         let (pattern, radius) = (job.cloth.pattern(), self.section.radius);
         match &job.stretched {
             // What densities and yarns would fit says nothing of cloth that is pulled.

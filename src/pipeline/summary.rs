@@ -102,7 +102,7 @@ impl RunSummary<'_> {
                 uv_scale_mm: garment.summary.uv_scale_mm,
                 warnings: self.messages.warnings.clone(),
                 notes: self.messages.notes.clone(),
-                lost_cm2: garment.summary.lost_mm2 / 100.0,
+                lost_cm2: garment.summary.loss.total() / 100.0,
                 lost_percent: garment.summary.lost_percent(),
             },
             panels: PanelReport::of_all(garment),

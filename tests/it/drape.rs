@@ -318,7 +318,7 @@ fn an_origin_moves_the_fabric_and_a_whole_repeat_does_not() {
     let fabric = Fabric::named("tricot").unwrap().at_densities(2.0, 2.5).unwrap();
     let repeat = DVec2::new(fabric.wale_spacing(), 2.0 * fabric.course_spacing());
     let points = |origin: DVec2| {
-        let panels = vec![PanelLayout { panel: 0, grain_degrees: 0.0, origin }];
+        let panels = vec![PanelLayout { panel: 0, turn: false, grain_degrees: 0.0, origin }];
         let mut points = Vec::new();
         run(&garment, &Fabric { panels, ..fabric.clone() }, Edge::Clip, &mut |block| {
             points.extend(block.strands.flat.iter().map(|point| point.truncate()));
@@ -342,7 +342,8 @@ fn an_origin_moves_the_fabric_and_a_whole_repeat_does_not() {
 #[test]
 fn a_layout_of_a_panel_that_is_not_there_is_refused() {
     let garment = Garment::rectangle(60.0, 40.0);
-    let panels = vec![PanelLayout { panel: 1, grain_degrees: 0.0, origin: DVec2::ZERO }];
+    let panels =
+        vec![PanelLayout { panel: 1, turn: false, grain_degrees: 0.0, origin: DVec2::ZERO }];
     let fabric = Fabric { panels, ..Fabric::named("tricot").unwrap() };
     assert_eq!(
         Cloth::cover(&garment, &fabric).unwrap_err(),

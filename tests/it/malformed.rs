@@ -93,7 +93,7 @@ fn a_bad_record_is_named_with_its_line() {
         ),
         ("a negative texture index out of range", "f 1/-1 2/-2 3/-5", "`vt` number -5"),
         ("no corners", "f", "0 corners"),
-        ("one corner", "f 1/1", "1 corners"),
+        ("one corner", "f 1/1", "1 corner,"),
         ("two corners", "f 1/1 2/2", "2 corners"),
         ("a letter for a texture index", "f 1/a 2/2 3/3", "\"1/a\""),
         ("a letter for a normal", "f 1/1/n 2/2 3/3", "\"1/1/n\""),

@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 use warpknit::garment::{Frames, Garment, GarmentError, Panel, ReadOptions, Unit, read};
+use warpknit::pipeline::read_garment;
 
 /// Cells of a sheet along each side.
 const CELLS: usize = 6;
@@ -97,7 +98,7 @@ fn corners(panel: &Panel) -> BTreeMap<u32, [[DVec3; 2]; 3]> {
 fn check_whole(garment: &Garment, reversed: usize) {
     let facts = &garment.summary;
     assert_eq!((facts.reversed, facts.flipped, facts.degenerate), (reversed, 0, 0));
-    assert_eq!((facts.lost_mm2, &facts.warnings), (0.0, &Vec::new()));
+    assert_eq!((facts.loss.total(), &facts.warnings), (0.0, &Vec::new()));
     let laid: usize = garment.panels.iter().map(|panel| panel.triangles.len()).sum();
     assert_eq!(laid, facts.triangles);
 }
@@ -283,6 +284,76 @@ fn pages_of_a_book_spread_nothing_over_their_spine() {
     check_whole(&garment, 3);
 }
 
+/// A tube of two panels of 12 quads, sewn at two seams. `reversed` says which panels are wound
+/// inward, and `twisted` swaps the ends of the second one at its last seam.
+fn tube(reversed: [bool; 2], twisted: bool) -> String {
+    let count = 12;
+    let mut text = String::new();
+    for i in 0..2 * count {
+        let (sin, cos) = (i as f64 / count as f64 * std::f64::consts::PI).sin_cos();
+        for height in [0.0, 40.0] {
+            writeln!(text, "v {} {} {height}", 150.0 * cos, 150.0 * sin).unwrap();
+        }
+    }
+    for (panel, reversed) in reversed.into_iter().enumerate() {
+        for i in 0..=count {
+            let u = 39.2 * i as f64 + 600.0 * panel as f64;
+            writeln!(text, "vt {u} 0\nvt {u} 40").unwrap();
+        }
+        let place = |i: usize| {
+            let number = (i + panel * count) % (2 * count);
+            let low = 2 * number + 1;
+            if twisted && number == 0 && panel == 1 { [low + 1, low] } else { [low, low + 1] }
+        };
+        for i in 0..count {
+            let texture = 2 * (i + panel * (count + 1)) + 1;
+            let ([a, b], [c, d]) = (place(i), place(i + 1));
+            let mut corners = [(a, texture), (c, texture + 2), (d, texture + 3), (b, texture + 1)];
+            if reversed {
+                corners.reverse();
+            }
+            let words = corners.map(|(v, vt)| format!("{v}/{vt}"));
+            writeln!(text, "f {}", words.join(" ")).unwrap();
+        }
+    }
+    text
+}
+
+/// Whether each panel's technical face looks away from the tube's axis.
+fn outward(garment: &Garment) -> Vec<bool> {
+    let looks_outward = |panel: &Panel| {
+        let all = panel.draped.iter().zip(&panel.normals);
+        all.map(|(p, normal)| p.truncate().dot(normal.truncate())).all(|dot| dot > 0.0)
+    };
+    garment.panels.iter().map(looks_outward).collect()
+}
+
+#[test]
+fn a_panel_wound_against_those_that_it_is_sewn_to_stays_and_is_told() {
+    for (reversed, told) in [([false; 2], None), ([false, true], Some(1)), ([true, false], Some(0))]
+    {
+        let mut garment = read_one(&tube(reversed, false)).unwrap();
+        check_whole(&garment, 0);
+        assert_eq!(outward(&garment), reversed.map(|reversed| !reversed));
+        let notes = &garment.summary.notes;
+        assert_eq!(notes.len(), usize::from(told.is_some()), "{notes:?}");
+        if let Some(panel) = told {
+            assert!(notes[0].starts_with("wound against the panels that they are sewn to"));
+            assert!(notes[0].contains(&format!(": panel {panel} (")), "{notes:?}");
+            let before = corners(&garment.panels[panel]);
+            garment.turn_over(panel);
+            assert_eq!(outward(&garment), [true; 2]);
+            // It is the same cloth: only two corners of each triangle have changed places.
+            let turned = corners(&garment.panels[panel]);
+            assert!(turned.iter().all(|(face, &[a, b, c])| before[face] == [a, c, b]));
+            assert!(garment.panels[panel].area() > 0.0);
+        }
+    }
+    // A tube with a twist has no outside.
+    let twisted = read_one(&tube([false; 2], true)).unwrap();
+    assert_eq!(twisted.summary.notes, Vec::<String>::new());
+}
+
 #[test]
 fn lost_cloth_is_told_and_much_of_it_refused() {
     // Faces from `first` on lose their vt.
@@ -309,6 +380,27 @@ fn lost_cloth_is_told_and_much_of_it_refused() {
     let allowed = ReadOptions { allow_loss: true, ..options() };
     let rest = Garment::read_obj(without(30).as_bytes(), &allowed).unwrap();
     assert_eq!(rest.panels[0].triangles.len(), 60);
+}
+
+#[test]
+fn cloth_under_its_own_panel_is_lost() {
+    // A strip around a centre, whose last sixth lies on its first.
+    let spiral =
+        |x: f64, y: f64| DVec2::from_angle(x * std::f64::consts::TAU / 5.0) * (3.0 + 0.4 * y);
+    let text = Sheet { flat: &spiral, reversed: &|_| false }.one();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("spiral.obj");
+    std::fs::write(&path, text).unwrap();
+    let refused = read_garment(&path, None, &options()).unwrap_err();
+    assert!(matches!(refused, GarmentError::Loss { .. }));
+    let refused = refused.to_string();
+    assert!(refused.contains("16.667 % of the draped area") && refused.contains("flat and apart"));
+    let allowed = ReadOptions { allow_loss: true, ..options() };
+    let summary = read_garment(&path, None, &allowed).unwrap().summary;
+    assert!((summary.lost_percent() - 100.0 / 6.0).abs() < 1e-6, "{}", summary.lost_percent());
+    assert_eq!(summary.loss.total(), summary.loss.covered);
+    let told = summary.warnings.last().unwrap();
+    assert!(told.contains("(16.7 % of the draped area) lie under other cloth"), "{told}");
 }
 
 proptest! {

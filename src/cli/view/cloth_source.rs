@@ -13,7 +13,7 @@ use anyhow::{Context, Result};
 use warpknit::drape::evenness::Evenness;
 use warpknit::drape::{self, Block, Cloth, DrapeOptions, Totals};
 use warpknit::fabric::{Fabric, builtin};
-use warpknit::garment::{Garment, Panel, read};
+use warpknit::garment::{Garment, Panel};
 use warpknit::knit::Pattern;
 use warpknit::render::cloth;
 use warpknit::render::scene::{Scene, Shape};
@@ -24,7 +24,7 @@ use super::super::choice::{fabric, named_fabric};
 use warpknit::pipeline::{
     self, Clock, EdgeFinish, Enlarge, Placement, StrainCache, Task, Textures, check_laid,
     check_memory, check_placement, check_stitches, drawn_radius, lengths_note, loss_warning,
-    overlap_warning, turn_grains,
+    read_garment, turn_panels,
 };
 
 /// Memory of a stitch, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points,
@@ -97,7 +97,9 @@ impl ClothSource {
         let base = match &arguments.flat {
             Some(flat) => {
                 let options = arguments.reading.options();
-                ClothBase::Garment(read(flat, arguments.draped.as_deref(), &options)?.into())
+                ClothBase::Garment(
+                    read_garment(flat, arguments.draped.as_deref(), &options)?.into(),
+                )
             }
             None => ClothBase::Swatch { wales: arguments.wales, courses: arguments.courses },
         };
@@ -185,7 +187,7 @@ impl ClothSource {
     ) -> Result<Option<KnittedScene>> {
         let mut garment = Cow::Borrowed(garment);
         if !fabric.panels.is_empty() {
-            turn_grains(garment.to_mut(), fabric);
+            turn_panels(garment.to_mut(), fabric);
         }
         let label = || self.choices[recipe.fabric].label.clone();
         Cloth::check_sizes(&garment, fabric).with_context(label)?;
@@ -255,7 +257,6 @@ impl ClothSource {
         check_laid(&totals)?;
         cache.keep(cloth);
         let mut warnings = cloth.garment().summary.warnings.clone();
-        warnings.extend(overlap_warning(cloth.garment()));
         warnings.extend(loss_warning(&totals));
         warnings.extend(lengths_note(cloth, &self.placement.into()));
         let (enlargement, timings) = (fabric.enlargement, clock.timings());

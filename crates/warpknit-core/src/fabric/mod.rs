@@ -80,6 +80,9 @@ pub struct Fabric {
 pub struct PanelLayout {
     /// Index of the panel in [`crate::garment::Garment::panels`].
     pub panel: usize,
+    /// Whether it is turned over, so that its technical face is on the side away from that to which
+    /// the panel's faces are wound.
+    pub turn: bool,
     /// The angle of the panel's wales, degrees, counter-clockwise seen from the technical face, on
     /// top of the garment's grain.
     pub grain_degrees: f64,

@@ -12,7 +12,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum GarmentError {
     /// The file could not be opened.
-    #[error("{}: cannot be opened ({reason}): check the path and its permissions", .path.display())]
+    #[error("{}: cannot be opened ({reason}): check the path and its permissions", one_line(.path))]
     Open {
         /// The file.
         path: PathBuf,
@@ -20,7 +20,7 @@ pub enum GarmentError {
         reason: std::io::Error,
     },
     /// A folder was given where a file is needed.
-    #[error("{}: is a directory: give a file", .path.display())]
+    #[error("{}: is a directory: give a file", one_line(.path))]
     Directory {
         /// The folder.
         path: PathBuf,
@@ -28,7 +28,7 @@ pub enum GarmentError {
     /// Reading stopped half-way.
     #[error(
         "{}:{line}: cannot be read on ({reason}): copy the file to a sound disk and try again",
-        .path.display()
+        one_line(.path)
     )]
     Read {
         /// The file.
@@ -39,7 +39,7 @@ pub enum GarmentError {
         reason: std::io::Error,
     },
     /// The file is of a kind that isn't read.
-    #[error("{}: this is {kind}; export OBJ, GLB, USD or PLY", .path.display())]
+    #[error("{}: this is {kind}; export OBJ, GLB, USD or PLY", one_line(.path))]
     Kind {
         /// The file.
         path: PathBuf,
@@ -47,7 +47,7 @@ pub enum GarmentError {
         kind: &'static str,
     },
     /// A file that isn't OBJ is wrong.
-    #[error("{}: {what}", .path.display())]
+    #[error("{}: {what}", one_line(.path))]
     Mesh {
         /// The file.
         path: PathBuf,
@@ -55,15 +55,15 @@ pub enum GarmentError {
         what: String,
     },
     /// The file has no bytes.
-    #[error("{}: is empty: export the garment again", .path.display())]
+    #[error("{}: is empty: export the garment again", one_line(.path))]
     Empty {
         /// The file.
         path: PathBuf,
     },
     /// The file has no vertex and no face.
     #[error(
-        "{}: is no OBJ text file ({lines} lines, no `v` and no `f` record): \
-         export the garment as Wavefront OBJ", .path.display()
+        "{}: is no OBJ text file (no `v` and no `f` record in {}): \
+         export the garment as Wavefront OBJ", one_line(.path), counted(*.lines, "line")
     )]
     NotObj {
         /// The file.
@@ -71,19 +71,19 @@ pub enum GarmentError {
         /// Lines of the file.
         lines: u64,
     },
-    /// The file is text of 16-bit characters.
+    /// The file is text of 16-bit or 32-bit characters.
     #[error(
-        "{}: is UTF-16 text, which OBJ files are not: save it as UTF-8 or plain text \
-         (on Windows, PowerShell's `>` writes UTF-16)", .path.display()
+        "{}: is UTF-16 or UTF-32 text, which OBJ files are not: save it as UTF-8 or plain text \
+         (on Windows, PowerShell's `>` writes UTF-16)", one_line(.path)
     )]
-    Utf16 {
+    Wide {
         /// The file.
         path: PathBuf,
     },
     /// The file has vertices but no face.
     #[error(
         "{}: holds {vertices} vertices and no face: \
-         export the garment as a mesh, not as points or curves", .path.display()
+         export the garment as a mesh, not as points or curves", one_line(.path)
     )]
     NoFaces {
         /// The file.
@@ -92,7 +92,7 @@ pub enum GarmentError {
         vertices: u64,
     },
     /// A record is wrong.
-    #[error("{}:{line}: {fault}", .path.display())]
+    #[error("{}:{line}: {fault}", one_line(.path))]
     Record {
         /// The file.
         path: PathBuf,
@@ -104,7 +104,7 @@ pub enum GarmentError {
     /// A coordinate is finite, but too large for areas computed from it to be exact.
     #[error(
         "{}:{line}: this face has a coordinate of {value:e}, over the limit of {limit:e}: \
-         export the garment in a common unit", .path.display()
+         export the garment in a common unit", one_line(.path)
     )]
     TooLarge {
         /// The file.
@@ -120,7 +120,7 @@ pub enum GarmentError {
     #[error(
         "{}: no face uses a texture coordinate (the file holds {texture} `vt`), \
          so there is no flat pattern: export it with UVs, or give a FLAT and a DRAPED file",
-        .path.display()
+        one_line(.path)
     )]
     NoTexture {
         /// The file.
@@ -133,7 +133,7 @@ pub enum GarmentError {
         "{} has {flat_faces} faces and {} has {draped_faces}; \
          the first that differs is face {face} ({difference}): \
          export both from the same mesh, faces in the same order",
-        .flat.display(), .draped.display()
+        one_line(.flat), one_line(.draped)
     )]
     Faces {
         /// The flat file.
@@ -155,7 +155,7 @@ pub enum GarmentError {
          {disagreeing} of {vertices} flat vertices are at two places when draped, \
          first in face {face} (lines {flat_line} and {draped_line}): \
          export both from the same mesh, faces and corners in the same order",
-        .flat.display(), .draped.display()
+        one_line(.flat), one_line(.draped)
     )]
     Corners {
         /// The flat file.
@@ -178,7 +178,7 @@ pub enum GarmentError {
         draped_line: u64,
     },
     /// No piece of the pattern can hold stitches.
-    #[error("{}: no usable panel: {reason}", .path.display())]
+    #[error("{}: no usable panel: {reason}", one_line(.path))]
     NoPanel {
         /// The file with the flat pattern.
         path: PathBuf,
@@ -187,10 +187,10 @@ pub enum GarmentError {
     },
     /// Too much of the garment can't be knitted.
     #[error(
-        "{}: {what}, which is over the limit of {} %: lay these faces flat in the pattern and \
+        "{}: {what}, which is over the limit of {} %: lay these faces flat and apart in the pattern and \
          export it again, or give --allow-loss (`warpknit inspect GARMENT -o sheet.svg` shows which lie \
          flat, and marks the flipped ones)",
-        .path.display(), 100.0 * super::MOST_LOSS
+        one_line(.path), 100.0 * super::MOST_LOSS
     )]
     Loss {
         /// The file with the flat pattern.
@@ -282,7 +282,10 @@ pub enum GarmentFault {
         token: String,
     },
     /// Too few or too many numbers.
-    #[error("`{record}` holds {found} numbers, but needs {least} to {most}: is the file cut off?")]
+    #[error(
+        "`{record}` holds {}, but needs {least} to {most}: is the file cut off?",
+        counted(*.found as u64, "number")
+    )]
     NumberCount {
         /// `v` or `vt`.
         record: &'static str,
@@ -322,7 +325,7 @@ pub enum GarmentFault {
         count: u64,
     },
     /// Fewer than three corners.
-    #[error("the face has {found} corners, but needs three or more: is the file cut off?")]
+    #[error("the face has {}, but needs three or more: is the file cut off?", counted(*.found as u64, "corner"))]
     FewCorners {
         /// How many it has.
         found: usize,
@@ -333,6 +336,19 @@ pub enum GarmentFault {
         /// The most that is accepted.
         limit: u64,
     },
+}
+
+/// A number of things, in the plural where there isn't one.
+fn counted(number: u64, thing: &str) -> String {
+    format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
+}
+
+/// A path for a message, with control characters escaped so that the message stays on one line.
+fn one_line(path: &Path) -> String {
+    let path = path.display().to_string();
+    path.chars()
+        .map(|c| if c.is_control() { c.escape_default().to_string() } else { c.into() })
+        .collect()
 }
 
 /// A token for a message: in quotes, shortened to 40 characters, with control characters escaped so

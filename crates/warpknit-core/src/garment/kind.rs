@@ -56,7 +56,7 @@ impl Kind {
 }
 
 /// Whether a file that begins so is no text: among its first bytes are several that no text has. UTF-16
-/// has zeros among its letters, and the reader of OBJ says so.
+/// and UTF-32 have zeros among their letters, and the reader of OBJ says so.
 fn is_binary(first: &[u8]) -> bool {
     const LOOKED_AT: usize = 512;
     const FEW: usize = 4;

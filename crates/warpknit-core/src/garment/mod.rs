@@ -50,14 +50,14 @@ mod winding;
 pub use error::{ArrayFault, GarmentError, GarmentFault};
 pub use file::{file_of, moments};
 pub use frames::Frames;
-pub use summary::{GarmentSummary, MOST_LOSS, PanelSummary};
+pub use summary::{GarmentSummary, Loss, MOST_LOSS, PanelSummary};
 pub use unit::{Unit, UnknownUnit};
 
 use obj::ObjMesh;
 use pair::{FlatSource, Pairs};
 use panel::PanelNumbers;
 use pieces::{Areas, Piece, Refusal, Refused};
-use summary::{Loss, shortened};
+use summary::shortened;
 use vertices::Vertices;
 
 /// Distance from the origin from which on draped coordinates count from a local one, mm. There a
@@ -168,6 +168,22 @@ impl Panel {
 }
 
 impl Garment {
+    /// Turns one panel over, in addition to [`ReadOptions::turn`]: its technical face is on the other
+    /// side then, and its wales keep their direction. A panel that doesn't exist is no error here;
+    /// laying out the fabric reports it.
+    ///
+    /// ```
+    /// use warpknit_core::garment::Garment;
+    /// let mut garment = Garment::rectangle(100.0, 40.0);
+    /// garment.turn_over(0);
+    /// assert_eq!(garment.panels[0].normals[0], -glam::DVec3::Z);
+    /// ```
+    pub fn turn_over(&mut self, panel: usize) {
+        if let Some(panel) = self.panels.get_mut(panel) {
+            panel.turn_over();
+        }
+    }
+
     /// Turns the wale direction of one panel, in addition to [`ReadOptions::grain`]. The angle is
     /// in radians, counter-clockwise as seen from the technical face. A panel that doesn't exist is
     /// no error here; laying out the fabric reports it.
@@ -233,17 +249,23 @@ struct MendedPairs {
     areas: Areas,
     /// The polygons whose winding was mended, in ascending order.
     reversed: Vec<u32>,
+    /// Whether no draped triangle is known to be wound against its neighbours, over seams too.
+    draped_agree: bool,
     pieces: Vec<Result<Piece, Refused>>,
 }
 
 impl MendedPairs {
     fn new(mut pairs: Pairs) -> Self {
         let mut vertices = Vertices::new(&pairs);
-        let reversed = winding::reversed(&pairs, &vertices);
+        let (reversed, draped_agree) = rayon::join(
+            || winding::reversed(&pairs, &vertices),
+            || winding::all_agree(&pairs.draped_triangles, pairs.draped.len()),
+        );
         winding::reverse(&mut pairs, Some(&mut vertices), &reversed);
         let areas = Areas::new(&pairs);
         let pieces = pieces::pieces(&pairs, &vertices, &areas);
-        Self { pairs, vertices, areas, reversed, pieces }
+        let draped_agree = draped_agree && reversed.is_empty();
+        Self { pairs, vertices, areas, reversed, draped_agree, pieces }
     }
 }
 
@@ -338,6 +360,9 @@ impl<'a> GarmentFiles<'a> {
             *point -= summary.origin;
         }
         summary.note_folds(&pieces);
+        if !self.cloth.draped_agree {
+            summary.note_sides(&winding::against_seams(pairs, &pieces));
+        }
         summary.name_panels(&panels, &self.flat);
         summary.count_defects(&panels);
         let total = (areas.draped_total() + pairs.untextured_area) * unit_mm * unit_mm;

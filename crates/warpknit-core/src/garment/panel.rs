@@ -188,6 +188,18 @@ impl Panel {
         (-axes.y_axis.dot(right)).atan2(axes.y_axis.dot(up))
     }
 
+    /// Turns the cloth over: its technical face is on the other side then. The wales keep their
+    /// direction, and the vertices their numbers.
+    pub(super) fn turn_over(&mut self) {
+        self.uv.iter_mut().for_each(|point| point.x = -point.x);
+        self.flat_from_panel *=
+            DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0)));
+        for triangle in self.triangles.iter_mut().chain(&mut self.flipped) {
+            triangle.swap(1, 2);
+        }
+        self.normals = normals(&self.draped, &self.triangles);
+    }
+
     /// Turns the wale direction by `grain` radians, counter-clockwise as seen from the technical
     /// face. Returns the number of lost triangles: slivers so thin that rounding to the new axes
     /// has closed them.

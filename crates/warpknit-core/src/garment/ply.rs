@@ -71,7 +71,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<ObjMesh, String> {
             let value = |column: Option<usize>| column.and_then(|at| row[at].first().copied());
             if element.name == "vertex" {
                 let [Some(x), Some(y), Some(z)] = xyz.map(value) else {
-                    return Err("its vertices have no x, y and z".to_owned());
+                    return Err(
+                        "its vertices have no x, y and z: export the garment as a mesh".to_owned()
+                    );
                 };
                 places.push(DVec3::new(x, y, z));
                 if let [Some(s), Some(t)] = st.map(value) {
@@ -80,7 +82,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<ObjMesh, String> {
             } else if element.name == "face" {
                 let corners = corners.map_or(&[][..], |at| &row[at]);
                 add_face(&mut soup, corners, &places, &texture).ok_or_else(|| {
-                    format!("face {number} has an index or a number out of range")
+                    format!("face {number} has an index or a number out of range: export the garment again")
                 })?;
             }
         }
@@ -107,7 +109,7 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, &[u8]), String> {
     let mut rest = bytes;
     loop {
         let end = rest.iter().position(|byte| *byte == b'\n');
-        let end = end.ok_or("its header has no end_header")?;
+        let end = end.ok_or("its header has no end_header: export the garment again")?;
         let line = std::str::from_utf8(&rest[..end]).map_err(|_text| "its header is no text")?;
         rest = &rest[end + 1..];
         let words: Vec<_> = line.split_whitespace().collect();

@@ -14,6 +14,11 @@ impl Sets {
         Self((0..index32(count)).collect())
     }
 
+    /// Number of numbers.
+    pub(super) fn count(&self) -> u32 {
+        index32(self.0.len())
+    }
+
     /// The root of the set of `x`.
     pub(super) fn root(&mut self, mut x: u32) -> u32 {
         while self.0[x as usize] != x {

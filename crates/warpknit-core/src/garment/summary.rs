@@ -16,6 +16,9 @@ use super::{MendedPairs, Panel};
 /// Share of the draped area that may take no stitches without an error. A hole of that size is no
 /// small defect of a mesh: the file isn't what the user takes it for.
 pub const MOST_LOSS: f64 = 0.1;
+/// Share of the draped area that may lie under other cloth of its panel without a warning. Real
+/// garments have a third of that at most.
+const LITTLE_COVERED: f64 = 1e-3;
 
 /// The summary of reading a garment, for the report and for `inspect`.
 #[derive(Clone, Debug, Default)]
@@ -44,8 +47,8 @@ pub struct GarmentSummary {
     pub origin: DVec3,
     /// Draped area of the whole garment, mm².
     pub draped_mm2: f64,
-    /// Draped area that takes no stitches, mm².
-    pub lost_mm2: f64,
+    /// Draped areas that take no stitches.
+    pub loss: Loss,
     /// The summary of each panel, in the order of [`super::Garment::panels`].
     pub panels: Vec<PanelSummary>,
     /// Notes for the user, one line each: what was mended, and how.
@@ -69,17 +72,26 @@ pub struct PanelSummary {
 }
 
 /// Draped areas that take no stitches, by their reason, mm².
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Loss {
-    pub(super) flipped: f64,
-    pub(super) degenerate: f64,
-    pub(super) untextured: f64,
-    pub(super) refused: f64,
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Loss {
+    /// Of triangles wound against their panel.
+    pub flipped: f64,
+    /// Of triangles without flat area.
+    pub degenerate: f64,
+    /// Of triangles with a corner that has no `vt`.
+    pub untextured: f64,
+    /// Of pieces that are no panels.
+    pub refused: f64,
+    /// Of cloth that lies under other cloth of its own panel in the pattern. Reading leaves it 0;
+    /// [`crate::locate::overlap::count_covered`] finds it.
+    pub covered: f64,
 }
 
 impl Loss {
-    fn total(self) -> f64 {
-        self.flipped + self.degenerate + self.untextured + self.refused
+    /// All of it, mm².
+    #[must_use]
+    pub fn total(self) -> f64 {
+        self.flipped + self.degenerate + self.untextured + self.refused + self.covered
     }
 
     /// The reasons with their areas, in one line.
@@ -89,6 +101,7 @@ impl Loss {
             (self.degenerate, "without flat area"),
             (self.untextured, "without vt"),
             (self.refused, "in pieces that are left out"),
+            (self.covered, "under other cloth of their panel in the pattern"),
         ];
         let named = reasons.iter().filter(|(area, _)| *area > 0.0);
         named
@@ -115,7 +128,8 @@ impl GarmentSummary {
     /// Draped area that takes no stitches, % of the whole garment's.
     #[must_use]
     pub fn lost_percent(&self) -> f64 {
-        if self.lost_mm2 > 0.0 { 100.0 * self.lost_mm2 / self.draped_mm2 } else { 0.0 }
+        let lost = self.loss.total();
+        if lost > 0.0 { 100.0 * lost / self.draped_mm2 } else { 0.0 }
     }
 
     /// The summary of pairing and of the winding.
@@ -235,6 +249,19 @@ impl GarmentSummary {
         }
     }
 
+    /// Notes the panels that are wound against those that they are sewn to.
+    pub(super) fn note_sides(&mut self, panels: &[usize]) {
+        if !panels.is_empty() {
+            let panels: Vec<_> = panels.iter().map(|panel| format!("panel {panel}")).collect();
+            self.notes.push(format!(
+                "wound against the panels that they are sewn to, so the technical back shows \
+                 beside their face, as on a collar that folds over: {} \
+                 (`turn = true` in [[panels]] of a fabric file turns one over)",
+                shortened(&panels)
+            ));
+        }
+    }
+
     /// Counts triangles that take no stitches, and warns of them.
     pub(super) fn count_defects(&mut self, panels: &[Panel]) {
         self.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
@@ -280,26 +307,58 @@ impl GarmentSummary {
         flat: &Path,
         allowed: bool,
     ) -> Result<(), GarmentError> {
-        let lost = loss.total();
-        let share = lost / total;
-        (self.draped_mm2, self.lost_mm2) = (total, lost);
+        (self.draped_mm2, self.loss) = (total, loss);
         // Less is the rounding of triangles that have no area.
-        if share <= 1e-9 {
+        if loss.total() <= 1e-9 * total {
             return Ok(());
         }
-        let what = format!(
+        self.check_loss(flat, allowed)?;
+        self.warnings.push(format!(
+            "{}; lay these faces flat in the pattern and export it again \
+             (`warpknit inspect GARMENT -o sheet.svg` shows which lie flat, and marks the flipped ones)",
+            self.what_is_lost()
+        ));
+        Ok(())
+    }
+
+    /// Counts cloth that lies under other cloth of its own panel as lost, mm² of draped area, warns
+    /// of it, and refuses a garment that loses too much. `panel` is the first with such cloth.
+    pub(crate) fn note_covered(
+        &mut self,
+        (covered, panel): (f64, usize),
+        flat: &Path,
+        allowed: bool,
+    ) -> Result<(), GarmentError> {
+        self.loss.covered = covered;
+        self.check_loss(flat, allowed)?;
+        if covered > LITTLE_COVERED * self.draped_mm2 {
+            self.warnings.push(format!(
+                "{} ({:.1} % of the draped area) lie under other cloth of their own panel in the \
+                 pattern (first panel {panel}): stitches there go to one of the two places, and the \
+                 other stays bare; lay them apart in the pattern",
+                cm2(covered),
+                100.0 * covered / self.draped_mm2
+            ));
+        }
+        Ok(())
+    }
+
+    /// How much of the cloth is lost, and why.
+    fn what_is_lost(&self) -> String {
+        format!(
             "{} ({:.3} % of the draped area) take no stitches: {}",
-            cm2(lost),
-            100.0 * share,
-            loss.reasons()
-        );
-        if share > MOST_LOSS && !allowed {
+            cm2(self.loss.total()),
+            self.lost_percent(),
+            self.loss.reasons()
+        )
+    }
+
+    /// Refuses a garment that loses too much of its cloth, unless that is allowed.
+    fn check_loss(&self, flat: &Path, allowed: bool) -> Result<(), GarmentError> {
+        if self.loss.total() > MOST_LOSS * self.draped_mm2 && !allowed {
+            let what = self.what_is_lost();
             return Err(GarmentError::Loss { path: flat.to_path_buf(), what });
         }
-        self.warnings.push(format!(
-            "{what}; lay these faces flat in the pattern and export it again \
-             (`warpknit inspect GARMENT -o sheet.svg` shows which lie flat, and marks the flipped ones)"
-        ));
         Ok(())
     }
 }

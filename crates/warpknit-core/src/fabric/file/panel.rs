@@ -18,10 +18,16 @@ const ORIGIN: Limits = (-1e5, 1e5, "mm");
 #[serde(deny_unknown_fields)]
 pub(super) struct PanelTable {
     panel: Spanned<usize>,
+    #[serde(default, skip_serializing_if = "is_false")]
+    turn: bool,
     #[serde(default = "nothing", skip_serializing_if = "is_nothing")]
     grain: Spanned<f64>,
     #[serde(default = "nowhere", skip_serializing_if = "is_nowhere")]
     origin: [Spanned<f64>; 2],
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 fn nothing() -> Spanned<f64> {
@@ -56,7 +62,8 @@ pub(super) fn panels(
             .origin
             .each_ref()
             .map(|number| source.number(&format!("panel {panel}: origin"), number, ORIGIN));
-        panels.push(PanelLayout { panel, grain_degrees, origin: [x?, y?].into() });
+        let origin = [x?, y?].into();
+        panels.push(PanelLayout { panel, turn: table.turn, grain_degrees, origin });
     }
     Ok(panels)
 }
@@ -65,6 +72,7 @@ impl From<&PanelLayout> for PanelTable {
     fn from(layout: &PanelLayout) -> Self {
         Self {
             panel: unplaced(layout.panel),
+            turn: layout.turn,
             grain: unplaced(layout.grain_degrees),
             origin: layout.origin.to_array().map(unplaced),
         }

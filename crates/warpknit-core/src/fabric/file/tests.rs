@@ -304,7 +304,7 @@ fn finishes() -> impl Strategy<Value = Finish> {
 fn fabrics() -> impl Strategy<Value = Fabric> {
     let panels = prop::collection::btree_map(
         0..40_usize,
-        (-360.0..360.0, prop::array::uniform2(-1e5..1e5)),
+        (any::<bool>(), -360.0..360.0, prop::array::uniform2(-1e5..1e5)),
         0..4,
     );
     let texts = (".{0,20}", "\\PC{0,40}|[\"'\\\\\n]{0,9}");
@@ -320,8 +320,9 @@ fn fabrics() -> impl Strategy<Value = Fabric> {
             structure: Structure::Warp(WarpKnit { bars, stitch }),
             panels: panels
                 .into_iter()
-                .map(|(panel, (grain_degrees, origin))| PanelLayout {
+                .map(|(panel, (turn, grain_degrees, origin))| PanelLayout {
                     panel,
+                    turn,
                     grain_degrees,
                     origin: origin.into(),
                 })

@@ -132,8 +132,8 @@ impl ObjMesh {
 /// Parses OBJ text. `path` is only for messages.
 pub(super) fn parse(mut input: impl BufRead, path: &Path) -> Result<ObjMesh, GarmentError> {
     // An error of the first bytes comes again when they are read, with its line.
-    if input.fill_buf().is_ok_and(is_utf16) {
-        return Err(GarmentError::Utf16 { path: path.to_path_buf() });
+    if input.fill_buf().is_ok_and(is_wide) {
+        return Err(GarmentError::Wide { path: path.to_path_buf() });
     }
     let mut lines = Records::new(input);
     let mut builder = Builder::default();
@@ -156,12 +156,15 @@ fn read_records(lines: &mut Records<impl BufRead>, builder: &mut Builder) -> Res
     }
 }
 
-/// Whether text begins as UTF-16 does: with its byte order mark, or with a character and a zero
-/// byte.
-fn is_utf16(text: &[u8]) -> bool {
+/// Whether text begins as UTF-16 and UTF-32 do: with their byte order mark, or with a character
+/// and a zero byte.
+fn is_wide(text: &[u8]) -> bool {
     match text {
         [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => true,
-        [0, other, ..] | [other, 0, ..] => matches!(other, b'\t'..=b'\r' | b' '..=b'~'),
+        [0, 0, 0xFE, 0xFF, ..] => true,
+        [0, 0, 0, other, ..] | [0, other, ..] | [other, 0, ..] => {
+            matches!(other, b'\t'..=b'\r' | b' '..=b'~')
+        }
         _ => false,
     }
 }

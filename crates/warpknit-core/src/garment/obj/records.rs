@@ -115,10 +115,12 @@ impl<R: BufRead> Records<R> {
         if self.record.is_empty() {
             self.first = self.number;
         }
-        let mut comment = false;
+        let (mut comment, mut has_text) = (false, false);
         loop {
             let buffer = filled(&mut self.input, self.number)?;
             if buffer.is_empty() {
+                // Nothing behind the last line's end is no line.
+                self.number -= u64::from(!has_text);
                 return Ok(false);
             }
             // A line may end in LF, CR or CR LF. The LF may be in the next buffer, so a CR ends the
@@ -148,6 +150,7 @@ impl<R: BufRead> Records<R> {
             }
             self.after_return = end.is_some_and(|end| rest[end] == b'\r');
             let used = start + text.len() + usize::from(end.is_some());
+            has_text |= used > start;
             self.bytes += used as u64;
             self.input.consume(used);
             if end.is_some() {

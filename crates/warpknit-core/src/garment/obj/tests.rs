@@ -127,15 +127,36 @@ fn names_are_those_of_their_faces() {
 }
 
 #[test]
-fn utf_16_is_named() {
+fn lines_are_counted() {
+    for (text, says) in [
+        ("# one", "in 1 line)"),
+        ("# one\n", "in 1 line)"),
+        ("# one\r\n# two\r\n", "in 2 lines)"),
+        ("\n\n#", "in 3 lines)"),
+        ("\u{feff}", "in 0 lines)"),
+    ] {
+        let error = parse(text.as_bytes(), Path::new("a\nb.obj")).unwrap_err().to_string();
+        assert!(error.contains(says) && error.starts_with("a\\nb.obj: is no OBJ"), "{error:?}");
+    }
+}
+
+#[test]
+fn utf_16_and_utf_32_are_named() {
     for text in ["\u{feff}v 0 0 0\n", "v 0 0 0\n"] {
+        for bytes in [
+            text.chars().flat_map(|c| u32::from(c).to_le_bytes()).collect::<Vec<_>>(),
+            text.chars().flat_map(|c| u32::from(c).to_be_bytes()).collect(),
+        ] {
+            let error = parse(&bytes[..], Path::new("t.obj")).unwrap_err();
+            assert!(matches!(error, GarmentError::Wide { .. }), "{error}");
+        }
         let units: Vec<u16> = text.encode_utf16().collect();
         for bytes in [
             units.iter().flat_map(|unit| unit.to_le_bytes()).collect::<Vec<_>>(),
             units.iter().flat_map(|unit| unit.to_be_bytes()).collect(),
         ] {
             let error = parse(&bytes[..], Path::new("t.obj")).unwrap_err();
-            assert!(matches!(error, GarmentError::Utf16 { .. }), "{error}");
+            assert!(matches!(error, GarmentError::Wide { .. }), "{error}");
         }
     }
 }
