@@ -30,16 +30,17 @@ use json::validation::USize64;
 use json::{Accessor, Index, Root};
 use rayon::prelude::*;
 
-use super::glb_block::{METRES_PER_MM, PreparedBlock, bounds};
-use super::glb_grid::{Grid, QUANTIZATION, quantised_normal};
+use super::glb_block::PreparedBlock;
+use super::glb_grid::QUANTIZATION;
 use super::glb_material::root_of;
+use super::glb_nodes::NodeTree;
 pub use super::glb_options::{GlbOptions, Nodes, Precision};
 use super::meshopt;
 use super::patched_header::PatchedHeader;
 use super::texture::TextureSet;
 use super::{ClothInfo, Destination, Expected, ExportError, Sink};
 use warpknit_core::drape::Block;
-use warpknit_core::ids::{YarnId, index32};
+use warpknit_core::ids::index32;
 
 /// Bytes of the file's header and of those of its two chunks.
 const HEADERS: usize = BARE_HEADERS + 8;
@@ -65,31 +66,12 @@ pub struct GlbWriter<W> {
     /// Bytes of the arrays before they were compressed, if they are.
     unpacked: u64,
     root: Root,
-    /// Nodes of panels' bars.
-    bars: Vec<Index<json::Node>>,
-    /// Where coordinates count from, m.
-    origin: Vec3,
+    nodes: NodeTree,
     buffer: Index<json::Buffer>,
     textures: Arc<TextureSet>,
     options: GlbOptions,
-    /// Lowest and highest corner of each draped panel, m.
-    panels: Vec<[Vec3; 2]>,
-    /// Radius of the thinnest yarn, m.
-    radius: f32,
-    /// The node of the last yarn's bar.
-    current: Option<BarNode>,
     /// The arrays of the blocks at hand as the file holds them.
     prepared: Vec<PreparedBlock>,
-}
-
-/// The node of a panel's bar.
-#[derive(Clone, Copy, Debug)]
-struct BarNode {
-    panel: usize,
-    bar: usize,
-    node: Index<json::Node>,
-    /// Its grid. `None` where coordinates are floats.
-    grid: Option<Grid>,
 }
 
 /// Where an array lies in the file.
@@ -125,25 +107,15 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             buffer = root.push(fallback());
         }
         let room = cloth.expected.map(|expected| room_for(&root, expected, options));
-        let panels = cloth.panels.iter().map(|panel| {
-            let draped: Vec<_> =
-                panel.draped.iter().map(|place| (*place / 1000.0).as_vec3()).collect();
-            bounds(&draped)
-        });
-        let radii = cloth.strands.iter().map(|style| style.radius_f32() * METRES_PER_MM);
         let mut writer = Self {
             file: PatchedHeader::create(target, room)?,
             bytes: 0,
             unpacked: 0,
             root,
-            bars: Vec::new(),
-            origin: Vec3::ZERO,
+            nodes: NodeTree::new(cloth),
             buffer,
             textures,
             options,
-            panels: panels.collect(),
-            radius: radii.fold(f32::INFINITY, f32::min),
-            current: None,
             prepared: Vec::new(),
         };
         writer.write_textures()?;
@@ -164,7 +136,7 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
 
     /// Adds one block's tubes.
     fn add(&mut self, block: &Block, prepared: &PreparedBlock) -> Result<(), ExportError> {
-        let parent = self.bar_of(block, &prepared.positions);
+        let parent = self.nodes.bar_of(&mut self.root, block, &prepared.positions);
         let positions = match &parent.grid {
             Some(grid) => {
                 let places: Vec<[u16; 4]> =
@@ -173,10 +145,8 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             }
             None => self.array(&prepared.positions, Type::Vec3, ComponentType::F32)?,
         };
-        let normals = if self.options.precision == Precision::Quantised {
-            let normals: Vec<[i8; 4]> =
-                prepared.normals.iter().map(|normal| quantised_normal(*normal)).collect();
-            self.array(&normals, Type::Vec3, ComponentType::I8)?
+        let normals = if prepared.normals.is_empty() {
+            self.array(&prepared.short_normals, Type::Vec3, ComponentType::I8)?
         } else {
             self.array(&prepared.normals, Type::Vec3, ComponentType::F32)?
         };
@@ -217,63 +187,9 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
                 extensions: None,
                 extras: json::Extras::default(),
             };
-            match self.options.nodes {
-                Nodes::Bar => self.add_to_bar(parent.node, primitive),
-                Nodes::Yarn => self.add_yarn(parent.node, part.yarn, primitive),
-            }
+            self.nodes.add(&mut self.root, parent.node, part.yarn, primitive);
         }
         Ok(())
-    }
-
-    /// Adds a part to the mesh of a bar's node.
-    fn add_to_bar(&mut self, bar: Index<json::Node>, primitive: json::mesh::Primitive) {
-        let name = self.root.nodes[bar.value()].name.clone();
-        let mesh = match self.root.nodes[bar.value()].mesh {
-            Some(mesh) => mesh,
-            None => self.root.push(mesh_of(name)),
-        };
-        self.root.nodes[bar.value()].mesh = Some(mesh);
-        self.root.meshes[mesh.value()].primitives.push(primitive);
-    }
-
-    /// Adds a yarn's mesh, and its node below that of its bar.
-    fn add_yarn(&mut self, bar: Index<json::Node>, yarn: YarnId, primitive: json::mesh::Primitive) {
-        let name = Some(format!("yarn {}", yarn.0));
-        let mut mesh = mesh_of(name.clone());
-        mesh.primitives.push(primitive);
-        let mesh = self.root.push(mesh);
-        let node = self.root.push(json::Node { name, mesh: Some(mesh), ..json::Node::default() });
-        self.root.nodes[bar.value()].children.get_or_insert_default().push(node);
-    }
-
-    /// The node of the block's panel and bar: a new one where one of them is new, or where the last
-    /// node's grid doesn't hold the positions.
-    fn bar_of(&mut self, block: &Block, positions: &[Vec3]) -> BarNode {
-        let (panel, bar) = (block.panel, block.bar);
-        let own = bounds(positions);
-        let is_own = |node: &BarNode| {
-            (node.panel, node.bar) == (panel, bar)
-                && node.grid.as_ref().is_none_or(|grid| grid.holds(own))
-        };
-        if let Some(node) = self.current.filter(is_own) {
-            return node;
-        }
-        let grid = match self.options.precision {
-            Precision::Quantised => Grid::around(self.panels.get(panel), own, self.radius),
-            Precision::F32 => None,
-        };
-        let name = Some(format!("panel {panel} bar {}", bar + 1));
-        self.origin = (block.origin / 1000.0).as_vec3();
-        let node = self.root.push(json::Node {
-            name,
-            translation: grid.map(|grid| grid.low.to_array()),
-            scale: grid.map(|grid| [grid.step; 3]),
-            ..json::Node::default()
-        });
-        self.bars.push(node);
-        let node = BarNode { panel, bar, node, grid };
-        self.current = Some(node);
-        node
     }
 
     /// An accessor to some elements of an array, with their bounds if it needs them.
@@ -349,21 +265,6 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         Ok(ArrayView { index, kind, component, size: size_of::<T>() })
     }
 
-    /// The nodes of the scene: those of the bars, or one above them that carries all to a garment far from
-    /// the origin. Its place is exact, and a sum with that of a bar would be rounded.
-    fn top_nodes(&mut self) -> Vec<Index<json::Node>> {
-        let bars = std::mem::take(&mut self.bars);
-        if self.origin == Vec3::ZERO {
-            return bars;
-        }
-        vec![self.root.push(json::Node {
-            name: Some("garment".to_owned()),
-            translation: Some(self.origin.to_array()),
-            children: Some(bars),
-            ..json::Node::default()
-        })]
-    }
-
     /// The JSON chunk, filled up with spaces to its room, or to a multiple of 4 bytes.
     fn json_chunk(&mut self) -> Vec<u8> {
         self.root.buffers[self.buffer.value()].byte_length = USize64(self.unpacked);
@@ -373,7 +274,7 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             // The format has no empty buffers.
             self.root.buffers.clear();
         }
-        let nodes = self.top_nodes();
+        let nodes = self.nodes.top(&mut self.root);
         let scene = self.root.push(json::Scene {
             name: Some("warpknit".to_owned()),
             nodes,
@@ -499,17 +400,6 @@ fn compression(
     });
     extension.others.insert(COMPRESSION.to_owned(), own);
     extension
-}
-
-/// A mesh without parts.
-fn mesh_of(name: Option<String>) -> json::Mesh {
-    json::Mesh {
-        name,
-        primitives: Vec::new(),
-        weights: None,
-        extensions: None,
-        extras: json::Extras::default(),
-    }
 }
 
 fn json_text(root: &Root) -> Vec<u8> {

@@ -8,10 +8,12 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
+use super::glb_grid::quantised_normal;
 use super::glb_options::{GlbOptions, Nodes, Precision};
 use super::texture::TextureSet;
 use warpknit_core::drape::Block;
 use warpknit_core::ids::{YarnId, index32};
+use warpknit_core::yarn::tube::Tubes;
 
 pub(super) const METRES_PER_MM: f32 = 1e-3;
 
@@ -22,6 +24,8 @@ pub(super) struct PreparedBlock {
     pub(super) positions: Vec<Vec3>,
     /// Unit normals.
     pub(super) normals: Vec<Vec3>,
+    /// The same in 8 bits a coordinate, where files have them so; then `normals` is empty.
+    pub(super) short_normals: Vec<[i8; 4]>,
     /// Counted in repeats of the bar's texture; empty where it has none.
     pub(super) uvs: Vec<Vec2>,
     /// The number of each of the tubes' vertices among the positions.
@@ -56,7 +60,8 @@ impl PreparedBlock {
             self.uvs.extend(tubes.uvs.iter().map(|uv| *uv * repeats));
         }
         // Without texture coordinates the vertices along a tube's seam are pairs of equals.
-        let joins = options.precision == Precision::Quantised && !is_textured;
+        let is_quantised = options.precision == Precision::Quantised;
+        let joins = is_quantised && !is_textured;
         let strands: Vec<_> = block.strands.strands.iter().zip(&tubes.strands).collect();
         let is_one = |a: YarnId, b: YarnId| options.nodes == Nodes::Bar || a == b;
         self.clear();
@@ -71,6 +76,9 @@ impl PreparedBlock {
             let [low, high] = bounds(&self.positions[vertices.clone()]);
             self.parts.push(PartRange { yarn: strand.yarn, vertices, triangles, low, high });
         }
+        if is_quantised {
+            self.short_normals.extend(self.normals.drain(..).map(quantised_normal));
+        }
         self.fill_triangles(&tubes.triangles);
     }
 
@@ -78,31 +86,41 @@ impl PreparedBlock {
     fn clear(&mut self) {
         self.positions.clear();
         self.normals.clear();
+        self.short_normals.clear();
         self.numbers.clear();
         self.parts.clear();
     }
 
     /// Takes some vertices, and joins equal ones of a ring if that is wanted.
     fn add_vertices(&mut self, block: &Block, vertices: Range<u32>, joins: bool) {
-        let tubes = &block.tubes;
-        // The first vertex of a ring whose seam is open: it is one where the last one comes.
-        let mut ring: Option<(Vec3, Vec3, u32)> = None;
-        for vertex in vertices.start as usize..vertices.end as usize {
-            let (position, normal) = (tubes.positions[vertex], tubes.normals[vertex]);
-            if joins
-                && let Some((first, first_normal, number)) = ring
-                && (first, first_normal) == (position, normal)
-            {
-                self.numbers.push(number);
-                ring = None;
-                continue;
-            }
-            let number = index32(self.positions.len());
-            ring = ring.or(Some((position, normal, number)));
-            self.numbers.push(number);
-            self.positions.push(position * METRES_PER_MM);
-            self.normals.push(normal);
+        let (start, end) = (vertices.start as usize, vertices.end as usize);
+        if !joins {
+            return self.copy_vertices(block, start..end);
         }
+        let Tubes { positions, normals, .. } = &block.tubes;
+        let is_same = |a: usize, b: usize| positions[a] == positions[b] && normals[a] == normals[b];
+        let (mut first, mut sides) = (start, 0);
+        while first < end {
+            // The first vertex comes again where its ring ends: after as many as in the last ring.
+            let mut others = first + 1..end;
+            let again = Some(first + sides)
+                .filter(|&again| others.contains(&again) && is_same(first, again))
+                .or_else(|| others.find(|&other| is_same(first, other)));
+            let number = index32(self.positions.len());
+            self.copy_vertices(block, first..again.unwrap_or(end));
+            let Some(again) = again else { break };
+            self.numbers.push(number);
+            (first, sides) = (again + 1, again - first);
+        }
+    }
+
+    /// Takes some vertices as they are.
+    fn copy_vertices(&mut self, block: &Block, vertices: Range<usize>) {
+        let number = index32(self.positions.len());
+        self.numbers.extend(number..number + index32(vertices.len()));
+        let positions = &block.tubes.positions[vertices.clone()];
+        self.positions.extend(positions.iter().map(|place| *place * METRES_PER_MM));
+        self.normals.extend_from_slice(&block.tubes.normals[vertices]);
     }
 
     /// Counts the corners of a block's triangles from the first vertex of each part.

@@ -7,7 +7,7 @@
 //! The grid is known before the first yarn is laid: it is that of the panel, with a margin for yarn
 //! that lies on it. What comes out of the margin starts a grid of its own, in a node of its own.
 
-use glam::Vec3;
+use glam::{U16Vec3, Vec3};
 
 /// The name of the extension, without which such a file can't be read.
 pub(super) const QUANTIZATION: &str = "KHR_mesh_quantization";
@@ -50,20 +50,27 @@ impl Grid {
 
     /// The place of a position, padded to a multiple of four bytes as the extension wants it.
     pub(super) fn place(&self, position: Vec3) -> [u16; 4] {
-        let [x, y, z] = self.corner(position).as_u16vec3().to_array();
+        let [x, y, z] = self.rounded(position).to_array();
         [x, y, z, 0]
     }
 
     /// The same in whole numbers of `f32`, for bounds.
     pub(super) fn corner(&self, position: Vec3) -> Vec3 {
-        ((position - self.low) / self.step).round().clamp(Vec3::ZERO, Vec3::splat(65_535.0))
+        self.rounded(position).as_vec3()
+    }
+
+    /// The nearest place. Half more without its fraction: `f32::round` is the call of a function
+    /// where processors lack the instruction for it.
+    fn rounded(&self, position: Vec3) -> U16Vec3 {
+        ((position - self.low) / self.step + Vec3::splat(0.5)).as_u16vec3()
     }
 }
 
 /// A unit normal in 8 bits a coordinate, padded to four bytes.
 pub(super) fn quantised_normal(normal: Vec3) -> [i8; 4] {
-    let [x, y, z] = (normal * 127.0).round().as_i8vec3().to_array();
-    [x, y, z, 0]
+    // The nearest whole number, as in `Grid::rounded`. Those below 0 are moved beyond it and back.
+    let [x, y, z] = (normal * 127.0 + Vec3::splat(128.5)).as_u8vec3().to_array();
+    [x, y, z, 128].map(|number| (number ^ 128).cast_signed())
 }
 
 #[cfg(test)]

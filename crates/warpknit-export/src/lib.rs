@@ -34,6 +34,7 @@ pub mod glb;
 mod glb_block;
 mod glb_grid;
 mod glb_material;
+mod glb_nodes;
 mod glb_options;
 pub mod html;
 mod html_lines;
