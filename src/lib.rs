@@ -40,7 +40,7 @@
 //!
 //! | you have | start with |
 //! |---|---|
-//! | files of a garment | [`garment::read`], [`pipeline::drape`] for files and pictures in one go |
+//! | files of a garment | [`pipeline::read_garment`], [`pipeline::drape`] for files and pictures in one go |
 //! | arrays or a byte stream | [`garment::Garment::from_arrays`], [`garment::Garment::read_obj`] |
 //! | a lapping | [`fabric::Fabric::with_chains`], [`fabric::Fabric::parse`] |
 //! | a fabric whose numbers you want | [`pipeline::RealCloth`], [`knit::numbers`] |

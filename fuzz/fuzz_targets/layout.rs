@@ -7,6 +7,7 @@ use std::sync::LazyLock;
 use libfuzzer_sys::fuzz_target;
 use warpknit::fabric::Fabric;
 use warpknit::garment::{Garment, ReadOptions, read};
+use warpknit::pipeline::turn_panels;
 use warpknit_fuzz::{Desk, knit, one_line};
 
 /// The fabric to which the tables are added: about three wales and courses a centimetre.
@@ -39,9 +40,7 @@ fuzz_target!(|tables: &str| {
         Err(error) => return one_line(&error),
     };
     let mut garment = GARMENT.clone();
-    for layout in &fabric.panels {
-        garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());
-    }
+    turn_panels(&mut garment, &fabric);
     // Other keys may come with the tables, and whole bars: large repeats are for the target of
     // fabrics.
     if fabric.repeat() * fabric.threading_repeat() * fabric.yarn_systems() > 60 {

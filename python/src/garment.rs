@@ -143,7 +143,7 @@ impl Garment {
     /// What reading mended, one line each.
     #[getter]
     fn notes(&self) -> Vec<String> {
-        self.garment.summary.notes.clone()
+        self.garment.summary.all_notes()
     }
 
     fn __repr__(&self) -> String {

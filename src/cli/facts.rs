@@ -33,7 +33,7 @@ struct GarmentFacts<'a> {
     /// Pairs of panels that lie over each other in the flat file, and how much.
     overlaps: Vec<OverlapFacts>,
     panels: Vec<PanelFacts>,
-    notes: &'a [String],
+    notes: Vec<String>,
     warnings: &'a [String],
 }
 
@@ -103,7 +103,7 @@ pub(super) fn facts(name: &str, garment: &Garment) -> serde_json::Result<String>
         area_ratio: whole.area,
         overlaps: between.chain(within).map(|(panels, mm2)| OverlapFacts { panels, mm2 }).collect(),
         panels: reports.map(|(report, panel)| PanelFacts::new(report, panel)).collect(),
-        notes: &summary.notes,
+        notes: summary.all_notes(),
         warnings: &summary.warnings,
     };
     Ok(serde_json::to_string_pretty(&facts)? + "\n")

@@ -189,7 +189,7 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     )?;
     text += &overlap_lines(&overlaps(garment));
     panel_table(&mut text, garment)?;
-    for note in &facts.notes {
+    for note in facts.all_notes() {
         writeln!(text, "  note: {note}")?;
     }
     for warning in &facts.warnings {

@@ -42,9 +42,9 @@ struct Part<'a> {
 ///
 /// ```no_run
 /// use warpknit::fabric::Fabric;
-/// use warpknit::garment::{self, ReadOptions};
-/// use warpknit::pipeline::{Clock, Settings, Source, drape};
-/// let garment = garment::read("tshirt.obj".as_ref(), None, &ReadOptions::default())?;
+/// use warpknit::garment::ReadOptions;
+/// use warpknit::pipeline::{Clock, Settings, Source, drape, read_garment};
+/// let garment = read_garment("tshirt.obj".as_ref(), None, &ReadOptions::default())?;
 /// let source = Source { stem: "tshirt".into(), ..Source::default() };
 /// let (fabric, settings) = (Fabric::named("locknit")?, Settings::default());
 /// let done = drape(garment, None, &fabric, &source, &settings, Clock::start(&()))?;
@@ -86,7 +86,7 @@ pub fn drape(
         .zip(&cloths)
         .map(|(part, cloth)| {
             let Shown { fabric: shown, outputs, gauge } = &part.shown;
-            let notes = garment.summary.notes.iter().cloned();
+            let notes = garment.summary.all_notes().into_iter();
             let options = laying(settings, *gauge);
             Job {
                 settings,

@@ -148,7 +148,7 @@ fn files_that_are_no_mesh_are_named() {
         "vertex 0 is cut off",
     );
     check("texture alone", b"vt 0 0\nvt 1 0\n", 0, "no OBJ");
-    check("vertices alone", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 3\n", 0, "3 vertices and no face");
+    check("vertices alone", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 3\n", 0, "3 points and no face");
     check("faces alone", b"f 1 2 3\n", 1, "there are 0");
     check("no vt", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", 0, "export it with UVs");
     check("vt that no face uses", format!("{HEAD}f 1 2 3\n").as_bytes(), 0, "holds 3 `vt`");

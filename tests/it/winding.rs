@@ -6,8 +6,9 @@ use std::fmt::Write as _;
 
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
+use warpknit::fabric::{Fabric, PanelLayout};
 use warpknit::garment::{Frames, Garment, GarmentError, Panel, ReadOptions, Unit, read};
-use warpknit::pipeline::read_garment;
+use warpknit::pipeline::{read_garment, turn_panels};
 
 /// Cells of a sheet along each side.
 const CELLS: usize = 6;
@@ -329,19 +330,20 @@ fn outward(garment: &Garment) -> Vec<bool> {
 }
 
 #[test]
-fn a_panel_wound_against_those_that_it_is_sewn_to_stays_and_is_told() {
+fn a_panel_wound_against_those_that_it_is_sewn_to_stays_and_is_named() {
     for (reversed, told) in [([false; 2], None), ([false, true], Some(1)), ([true, false], Some(0))]
     {
         let mut garment = read_one(&tube(reversed, false)).unwrap();
         check_whole(&garment, 0);
         assert_eq!(outward(&garment), reversed.map(|reversed| !reversed));
-        let notes = &garment.summary.notes;
+        let notes = garment.summary.all_notes();
         assert_eq!(notes.len(), usize::from(told.is_some()), "{notes:?}");
         if let Some(panel) = told {
-            assert!(notes[0].starts_with("wound against the panels that they are sewn to"));
-            assert!(notes[0].contains(&format!(": panel {panel} (")), "{notes:?}");
+            let start = format!("wound against the panels that they are sewn to: panel {panel};");
+            assert!(notes[0].starts_with(&start), "{notes:?}");
             let before = corners(&garment.panels[panel]);
-            garment.turn_over(panel);
+            turn_panels(&mut garment, &turning(panel, 0.0));
+            assert_eq!(garment.summary.all_notes(), Vec::<String>::new());
             assert_eq!(outward(&garment), [true; 2]);
             // It is the same cloth: only two corners of each triangle have changed places.
             let turned = corners(&garment.panels[panel]);
@@ -351,7 +353,75 @@ fn a_panel_wound_against_those_that_it_is_sewn_to_stays_and_is_told() {
     }
     // A tube with a twist has no outside.
     let twisted = read_one(&tube([false; 2], true)).unwrap();
-    assert_eq!(twisted.summary.notes, Vec::<String>::new());
+    assert_eq!(twisted.summary.all_notes(), Vec::<String>::new());
+}
+
+/// A fabric that turns a panel over, and then its wales.
+fn turning(panel: usize, grain_degrees: f64) -> Fabric {
+    let layout = PanelLayout { panel, turn: true, grain_degrees, origin: DVec2::ZERO };
+    Fabric { panels: vec![layout], ..Fabric::named("tricot").unwrap() }
+}
+
+#[test]
+fn a_ring_of_three_panels_with_a_twist_has_no_side() {
+    // Three strips of two quads, each sewn to the next one's start. In a twisted ring the last one is
+    // sewn to the first with its ends exchanged.
+    let ring = |reversed: usize, twisted: bool| {
+        let mut text = String::new();
+        for i in 0..6 {
+            let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 6.0).sin_cos();
+            writeln!(text, "v {} {} 0\nv {0} {1} 40", 90.0 * cos, 90.0 * sin).unwrap();
+        }
+        for panel in 0..3 {
+            for i in 0..3 {
+                writeln!(text, "vt {} 0\nvt {0} 40", 90 * i + 300 * panel).unwrap();
+            }
+            for i in 0..2 {
+                let from = 2 * panel + i;
+                let [a, b] = [2 * from + 1, 2 * from + 2];
+                let [c, d] = if from < 5 {
+                    [a + 2, b + 2]
+                } else if twisted {
+                    [2, 1]
+                } else {
+                    [1, 2]
+                };
+                let at = 6 * panel + 2 * i + 1;
+                let mut corners = [(a, at), (c, at + 2), (d, at + 3), (b, at + 1)];
+                if panel == reversed {
+                    corners.reverse();
+                }
+                let words = corners.map(|(v, vt)| format!("{v}/{vt}"));
+                writeln!(text, "f {}", words.join(" ")).unwrap();
+            }
+        }
+        read_one(&text).unwrap().summary
+    };
+    for panel in 0..3 {
+        assert_eq!(ring(panel, false).against_seams, [panel]);
+        assert!(ring(panel, true).against_seams.is_empty());
+    }
+    assert!(ring(9, false).against_seams.is_empty());
+}
+
+#[test]
+fn a_panel_turned_over_stays_so_in_the_frames_of_a_sequence() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["1.obj", "2.obj"].map(|name| folder.path().join(name));
+    let text = tube([false, true], false);
+    std::fs::write(&first, &text).unwrap();
+    std::fs::write(&second, text.replace(" 40\nv", " 41\nv")).unwrap();
+    let (mut garment, frames) = Frames::read(&first, None, &options()).unwrap();
+    let plain = garment.clone();
+    turn_panels(&mut garment, &turning(1, 30.0));
+    frames.pose(&mut garment, &second).unwrap();
+    assert_eq!(outward(&garment), [true; 2]);
+    let wales = |garment: &Garment| garment.panels[1].flat_from_panel.matrix3.y_axis;
+    let turned = wales(&garment).angle_between(wales(&plain)).to_degrees();
+    assert!((turned - 30.0).abs() < 1e-9, "{turned}");
+    // Seen from the technical face, which looks to -z, counter-clockwise is clockwise in the file.
+    let mirrored = garment.panels[1].flat_from_panel.matrix3.z_axis.z;
+    assert!(mirrored * wales(&plain).cross(wales(&garment)).z > 0.0);
 }
 
 #[test]
@@ -394,7 +464,11 @@ fn cloth_under_its_own_panel_is_lost() {
     let refused = read_garment(&path, None, &options()).unwrap_err();
     assert!(matches!(refused, GarmentError::Loss { .. }));
     let refused = refused.to_string();
-    assert!(refused.contains("16.667 % of the draped area") && refused.contains("flat and apart"));
+    assert!(
+        refused.contains("16.667 % of the draped area")
+            && refused.contains("lay these faces apart")
+    );
+    assert!(!refused.contains("sheet.svg"), "a sheet doesn't show it: {refused}");
     let allowed = ReadOptions { allow_loss: true, ..options() };
     let summary = read_garment(&path, None, &allowed).unwrap().summary;
     assert!((summary.lost_percent() - 100.0 / 6.0).abs() < 1e-6, "{}", summary.lost_percent());

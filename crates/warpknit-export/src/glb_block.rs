@@ -154,3 +154,37 @@ pub(super) fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
     }
     [low, high]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_two_ends_of_a_ring_are_one_vertex() {
+        // Rings of three, three and four vertices, closed, and one that is open.
+        let mut block = Block::default();
+        let mut expected = Vec::new();
+        let (mut next, mut x) = (0, 0.0);
+        for (sides, is_closed) in [(3, true), (3, true), (4, true), (2, false)] {
+            let first = next;
+            for _ in 0..sides {
+                (next, x) = (next + 1, x + 1.0);
+                block.tubes.positions.push(Vec3::splat(x));
+                expected.push(next - 1);
+            }
+            if is_closed {
+                block.tubes.positions.push(Vec3::splat(x - sides as f32 + 1.0));
+                expected.push(first);
+            }
+        }
+        block.tubes.normals = vec![Vec3::X; block.tubes.positions.len()];
+        let all = 0..index32(block.tubes.positions.len());
+        let mut joined = PreparedBlock::default();
+        joined.add_vertices(&block, all.clone(), true);
+        assert_eq!(joined.numbers, expected);
+        assert_eq!((joined.positions.len(), joined.normals.len()), (next as usize, next as usize));
+        let mut whole = PreparedBlock::default();
+        whole.add_vertices(&block, all.clone(), false);
+        assert_eq!(whole.numbers, all.collect::<Vec<_>>());
+    }
+}

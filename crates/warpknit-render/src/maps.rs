@@ -8,7 +8,7 @@
 //! themselves.
 
 use glam::{Vec3, Vec4, Vec4Swizzles};
-use image::Rgba;
+use image::RgbaImage;
 
 use super::mips::{MIN_WEIGHT, MapKind, Mips, decode, float};
 use crate::shape::Shape;
@@ -50,19 +50,18 @@ pub struct Texel {
     pub occlusion: f32,
 }
 
-impl Mips {
-    /// Bilinear interpolation between four texels of a level.
-    fn bilinear(&self, level: usize, at: TexCoord, kind: MapKind) -> Vec4 {
-        let Texels { texels, x, y } = self.cell(level, at);
-        let [a, b, c, d] = texels.map(|texel| decode(*texel, kind));
-        a.lerp(b, x).lerp(c.lerp(d, x), y)
-    }
+/// The four texels around a place, in pictures of one size, and the place between them.
+struct Cell {
+    columns: [u32; 2],
+    rows: [u32; 2],
+    /// Fractions of the way to the right and down.
+    x: f32,
+    y: f32,
+}
 
-    /// The four texels of a level around a place. Columns wrap around along the yarn. Rows wrap around
-    /// a tube and are clamped at a ribbon's edges.
-    fn cell(&self, level: usize, at: TexCoord) -> Texels<'_> {
-        let picture = &self.levels[level];
-        let (width, height) = picture.dimensions();
+impl Cell {
+    /// Columns wrap around along the yarn. Rows wrap around a tube and are clamped at a ribbon's edges.
+    fn around(at: TexCoord, (width, height): (u32, u32)) -> Self {
         let (left, x) = before(at.v - floor(at.v), width);
         let (top, y) = before(at.u, height);
         let columns = [left, left + 1].map(|column| wrapped(column, width));
@@ -70,19 +69,16 @@ impl Mips {
             Shape::Tube => wrapped(row, height),
             Shape::Ribbon => clamped(row, height),
         });
-        let texels =
-            [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| picture.get_pixel(columns[i], rows[j]));
-        Texels { texels, x, y }
+        Self { columns, rows, x, y }
     }
-}
 
-/// Four texels around a place, and the place between them.
-struct Texels<'a> {
-    /// The upper two, then the lower two.
-    texels: [&'a Rgba<u8>; 4],
-    /// Fractions of the way to the right and down.
-    x: f32,
-    y: f32,
+    /// Bilinear interpolation between the texels of a picture.
+    fn mean(&self, picture: &RgbaImage, kind: MapKind) -> Vec4 {
+        let Self { columns: [left, right], rows: [upper, lower], x, y } = *self;
+        let [a, b, c, d] = [(left, upper), (right, upper), (left, lower), (right, lower)]
+            .map(|(column, row)| decode(*picture.get_pixel(column, row), kind));
+        a.lerp(b, x).lerp(c.lerp(d, x), y)
+    }
 }
 
 /// Texture coordinates, 0..1 across (u) and along the yarn (v), and what they are wrapped around.
@@ -112,9 +108,10 @@ impl Maps {
             let at = filter.place([u, v], tap, shape);
             for (level, weight) in filter.levels() {
                 let weight = weight / float(filter.taps);
-                base += self.base.bilinear(level, at, MapKind::Color) * weight;
-                normal += self.normal.bilinear(level, at, MapKind::Normal) * weight;
-                surface += self.surface.bilinear(level, at, MapKind::Plain) * weight;
+                let cell = Cell::around(at, self.base.levels[level].dimensions());
+                base += cell.mean(&self.base.levels[level], MapKind::Color) * weight;
+                normal += cell.mean(&self.normal.levels[level], MapKind::Normal) * weight;
+                surface += cell.mean(&self.surface.levels[level], MapKind::Plain) * weight;
             }
         }
         let alpha = base.w.clamp(0.0, 1.0);
@@ -130,23 +127,22 @@ impl Maps {
 
     /// Whether yarn covers a place, at random with the probability of [`Self::sample`]'s alpha. One texel
     /// is taken, with its weight there as its probability ('stochastic texture filtering', Pharr et al.
-    /// 2024), and covers with its own alpha. `random` gives numbers in 0..1, without 1.
-    #[must_use]
-    pub fn covers(
+    /// 2024), and covers with its own alpha. `filter` is of the place's footprint; `random` gives numbers
+    /// in 0..1, without 1.
+    pub(crate) fn covers(
         &self,
         [u, v]: [f32; 2],
-        footprint: [f32; 2],
+        filter: &Filter,
         shape: Shape,
         mut random: impl FnMut() -> f32,
     ) -> bool {
-        let filter = self.filter(footprint);
         let tap = if filter.taps > 1 { truncated(random() * float(filter.taps)) } else { 0 };
         let is_coarse = filter.share > 0.0 && random() < filter.share;
-        let level = filter.fine + usize::from(is_coarse);
-        let Texels { texels, x, y } = self.base.cell(level, filter.place([u, v], tap, shape));
-        let (is_right, is_lower) = (random() < x, random() < y);
-        let texel = texels[usize::from(is_right) + 2 * usize::from(is_lower)];
-        f32::from(texel.0[3]) / 255.0 > random()
+        let picture = &self.base.levels[filter.fine + usize::from(is_coarse)];
+        let cell = Cell::around(filter.place([u, v], tap, shape), picture.dimensions());
+        let (is_right, is_lower) = (random() < cell.x, random() < cell.y);
+        let (column, row) = (cell.columns[usize::from(is_right)], cell.rows[usize::from(is_lower)]);
+        f32::from(picture.get_pixel(column, row).0[3]) / 255.0 > random()
     }
 
     /// Mean colour of the yarn: that of the coarsest mip level.
@@ -161,7 +157,7 @@ impl Maps {
     }
 
     /// The lookups of a footprint's mean.
-    fn filter(&self, footprint: [f32; 2]) -> Filter {
+    pub(crate) fn filter(&self, footprint: [f32; 2]) -> Filter {
         let (width, height) = self.base.levels[0].dimensions();
         let (across, along) =
             (footprint[0].abs() * float(height), footprint[1].abs() * float(width));
@@ -185,7 +181,8 @@ impl Maps {
 /// Anisotropic filtering (McCormack et al. 1999, 'Feline: fast elliptical lines for anisotropic
 /// texture mapping'): several trilinear lookups along the footprint's longer side. Their mip level
 /// suits the shorter side.
-struct Filter {
+#[derive(Clone, Copy)]
+pub(crate) struct Filter {
     taps: u32,
     /// The longer side, in u and in v.
     longer: [f32; 2],
@@ -262,7 +259,7 @@ pub(crate) fn whole(number: f32) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use image::RgbaImage;
+    use image::Rgba;
 
     use super::*;
 
@@ -303,9 +300,9 @@ mod tests {
             for shape in [Shape::Tube, Shape::Ribbon] {
                 let [u, v] = place;
                 let alpha = maps.sample(u, v, footprint[0], footprint[1], shape).alpha;
-                let tries = 20_000_u16;
+                let (tries, filter) = (20_000_u16, maps.filter(footprint));
                 let covered =
-                    (0..tries).filter(|_| maps.covers(place, footprint, shape, &mut random));
+                    (0..tries).filter(|_| maps.covers(place, &filter, shape, &mut random));
                 let share = covered.count() as f32 / f32::from(tries);
                 // Three standard deviations.
                 assert!((share - alpha).abs() < 0.011, "{share} of {alpha}");

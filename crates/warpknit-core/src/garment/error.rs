@@ -82,8 +82,8 @@ pub enum GarmentError {
     },
     /// The file has vertices but no face.
     #[error(
-        "{}: holds {vertices} vertices and no face: \
-         export the garment as a mesh, not as points or curves", one_line(.path)
+        "{}: holds {} and no face: export the garment as a mesh, not as points or curves",
+        one_line(.path), counted(*.vertices, "point")
     )]
     NoFaces {
         /// The file.
@@ -130,10 +130,11 @@ pub enum GarmentError {
     },
     /// The two files have different faces.
     #[error(
-        "{} has {flat_faces} faces and {} has {draped_faces}; \
+        "{} has {} and {} has {}; \
          the first that differs is face {face} ({difference}): \
          export both from the same mesh, faces in the same order",
-        one_line(.flat), one_line(.draped)
+        one_line(.flat), counted(*.flat_faces as u64, "face"),
+        one_line(.draped), counted(*.draped_faces as u64, "face")
     )]
     Faces {
         /// The flat file.
@@ -151,11 +152,12 @@ pub enum GarmentError {
     },
     /// The files have the same number of faces, but their corners belong to different vertices.
     #[error(
-        "{} has {flat_faces} faces and {} has {draped_faces}, but their corners disagree: \
+        "{} has {} and {} has {}, but their corners disagree: \
          {disagreeing} of {vertices} flat vertices are at two places when draped, \
          first in face {face} (lines {flat_line} and {draped_line}): \
          export both from the same mesh, faces and corners in the same order",
-        one_line(.flat), one_line(.draped)
+        one_line(.flat), counted(*.flat_faces as u64, "face"),
+        one_line(.draped), counted(*.draped_faces as u64, "face")
     )]
     Corners {
         /// The flat file.
@@ -187,16 +189,25 @@ pub enum GarmentError {
     },
     /// Too much of the garment can't be knitted.
     #[error(
-        "{}: {what}, which is over the limit of {} %: lay these faces flat and apart in the pattern and \
-         export it again, or give --allow-loss (`warpknit inspect GARMENT -o sheet.svg` shows which lie \
-         flat, and marks the flipped ones)",
-        one_line(.path), 100.0 * super::MOST_LOSS
+        "{}: {what}; over {} % is refused: lay these faces {} in the pattern and export it again, \
+         or give --allow-loss{}",
+        one_line(.path),
+        100.0 * super::MOST_LOSS,
+        if *.is_covered { "apart" } else { "flat and apart" },
+        if *.is_covered {
+            ""
+        } else {
+            " (`warpknit inspect GARMENT -o sheet.svg` shows which lie flat, and marks the flipped \
+             ones)"
+        }
     )]
     Loss {
         /// The file with the flat pattern.
         path: PathBuf,
         /// The area, its share and the reasons.
         what: String,
+        /// Whether all of it lies under other cloth of its panel.
+        is_covered: bool,
     },
     /// An option has a number out of its range.
     #[error("{option} is {value}, but must be {must}")]

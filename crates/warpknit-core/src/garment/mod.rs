@@ -169,7 +169,8 @@ impl Panel {
 
 impl Garment {
     /// Turns one panel over, in addition to [`ReadOptions::turn`]: its technical face is on the other
-    /// side then, and its wales keep their direction. A panel that doesn't exist is no error here;
+    /// side then, and its wales keep their direction. Its winding is what is wanted then, so it leaves
+    /// [`GarmentSummary::against_seams`]. A panel that doesn't exist is no error here;
     /// laying out the fabric reports it.
     ///
     /// ```
@@ -179,8 +180,9 @@ impl Garment {
     /// assert_eq!(garment.panels[0].normals[0], -glam::DVec3::Z);
     /// ```
     pub fn turn_over(&mut self, panel: usize) {
-        if let Some(panel) = self.panels.get_mut(panel) {
-            panel.turn_over();
+        if let Some(turned) = self.panels.get_mut(panel) {
+            turned.turn_over();
+            self.summary.against_seams.retain(|&against| against != panel);
         }
     }
 
@@ -257,14 +259,16 @@ struct MendedPairs {
 impl MendedPairs {
     fn new(mut pairs: Pairs) -> Self {
         let mut vertices = Vertices::new(&pairs);
-        let (reversed, draped_agree) = rayon::join(
-            || winding::reversed(&pairs, &vertices),
-            || winding::all_agree(&pairs.draped_triangles, pairs.draped.len()),
-        );
+        let agree = || {
+            // Without seams the draped mesh is numbered as the pattern.
+            pairs.draped_triangles == vertices.triangles
+                || winding::all_agree(&pairs.draped_triangles, pairs.draped.len())
+        };
+        let (reversed, draped_agree) = rayon::join(|| winding::reversed(&pairs, &vertices), agree);
+        let draped_agree = draped_agree && reversed.is_empty();
         winding::reverse(&mut pairs, Some(&mut vertices), &reversed);
         let areas = Areas::new(&pairs);
         let pieces = pieces::pieces(&pairs, &vertices, &areas);
-        let draped_agree = draped_agree && reversed.is_empty();
         Self { pairs, vertices, areas, reversed, draped_agree, pieces }
     }
 }
@@ -361,7 +365,7 @@ impl<'a> GarmentFiles<'a> {
         }
         summary.note_folds(&pieces);
         if !self.cloth.draped_agree {
-            summary.note_sides(&winding::against_seams(pairs, &pieces));
+            summary.against_seams = winding::against_seams(pairs, &pieces);
         }
         summary.name_panels(&panels, &self.flat);
         summary.count_defects(&panels);

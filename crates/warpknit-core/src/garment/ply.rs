@@ -82,7 +82,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<ObjMesh, String> {
             } else if element.name == "face" {
                 let corners = corners.map_or(&[][..], |at| &row[at]);
                 add_face(&mut soup, corners, &places, &texture).ok_or_else(|| {
-                    format!("face {number} has an index or a number out of range: export the garment again")
+                    format!(
+                        "face {number} has an index or a number out of range: \
+                         export the garment again"
+                    )
                 })?;
             }
         }
@@ -110,10 +113,13 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, &[u8]), String> {
     loop {
         let end = rest.iter().position(|byte| *byte == b'\n');
         let end = end.ok_or("its header has no end_header: export the garment again")?;
-        let line = std::str::from_utf8(&rest[..end]).map_err(|_text| "its header is no text")?;
+        let line = std::str::from_utf8(&rest[..end])
+            .map_err(|_text| "its header is no text: export the garment again")?;
         rest = &rest[end + 1..];
         let words: Vec<_> = line.split_whitespace().collect();
-        let odd = || format!("its header has the line {line:?}, which no PLY has");
+        let odd = || {
+            format!("its header has the line {line:?}, which no PLY has: export the garment again")
+        };
         match words[..] {
             ["format", "ascii", _] => form = Some(Form::Ascii),
             ["format", "binary_little_endian", _] => form = Some(Form::Little),
@@ -139,7 +145,7 @@ fn header(bytes: &[u8]) -> Result<(Form, Vec<Element>, &[u8]), String> {
             _ => return Err(odd()),
         }
     }
-    Ok((form.ok_or("its header has no format")?, elements, rest))
+    Ok((form.ok_or("its header has no format: export the garment again")?, elements, rest))
 }
 
 /// The kind of number of that name.

@@ -51,6 +51,8 @@ pub struct GarmentSummary {
     pub loss: Loss,
     /// The summary of each panel, in the order of [`super::Garment::panels`].
     pub panels: Vec<PanelSummary>,
+    /// Panels wound against those that they are sewn to.
+    pub against_seams: Vec<usize>,
     /// Notes for the user, one line each: what was mended, and how.
     pub notes: Vec<String>,
     /// Warnings for the user, one line each.
@@ -130,6 +132,24 @@ impl GarmentSummary {
     pub fn lost_percent(&self) -> f64 {
         let lost = self.loss.total();
         if lost > 0.0 { 100.0 * lost / self.draped_mm2 } else { 0.0 }
+    }
+
+    /// All notes for the user: what was mended, and the panels wound against those that they are sewn
+    /// to.
+    #[must_use]
+    pub fn all_notes(&self) -> Vec<String> {
+        let mut notes = self.notes.clone();
+        if !self.against_seams.is_empty() {
+            let panels: Vec<_> =
+                self.against_seams.iter().map(|panel| format!("panel {panel}")).collect();
+            notes.push(format!(
+                "wound against the panels that they are sewn to: {}; their technical back shows where \
+                 those show their face, as it should on a collar that folds over \
+                 (`turn = true` in [[panels]] of a fabric file turns a panel over)",
+                shortened(&panels)
+            ));
+        }
+        notes
     }
 
     /// The summary of pairing and of the winding.
@@ -249,19 +269,6 @@ impl GarmentSummary {
         }
     }
 
-    /// Notes the panels that are wound against those that they are sewn to.
-    pub(super) fn note_sides(&mut self, panels: &[usize]) {
-        if !panels.is_empty() {
-            let panels: Vec<_> = panels.iter().map(|panel| format!("panel {panel}")).collect();
-            self.notes.push(format!(
-                "wound against the panels that they are sewn to, so the technical back shows \
-                 beside their face, as on a collar that folds over: {} \
-                 (`turn = true` in [[panels]] of a fabric file turns one over)",
-                shortened(&panels)
-            ));
-        }
-    }
-
     /// Counts triangles that take no stitches, and warns of them.
     pub(super) fn count_defects(&mut self, panels: &[Panel]) {
         self.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
@@ -325,7 +332,8 @@ impl GarmentSummary {
     /// of it, and refuses a garment that loses too much. `panel` is the first with such cloth.
     pub(crate) fn note_covered(
         &mut self,
-        (covered, panel): (f64, usize),
+        covered: f64,
+        panel: usize,
         flat: &Path,
         allowed: bool,
     ) -> Result<(), GarmentError> {
@@ -356,8 +364,9 @@ impl GarmentSummary {
     /// Refuses a garment that loses too much of its cloth, unless that is allowed.
     fn check_loss(&self, flat: &Path, allowed: bool) -> Result<(), GarmentError> {
         if self.loss.total() > MOST_LOSS * self.draped_mm2 && !allowed {
-            let what = self.what_is_lost();
-            return Err(GarmentError::Loss { path: flat.to_path_buf(), what });
+            let (path, what) = (flat.to_path_buf(), self.what_is_lost());
+            let is_covered = self.loss.total() == self.loss.covered;
+            return Err(GarmentError::Loss { path, what, is_covered });
         }
         Ok(())
     }

@@ -1,5 +1,5 @@
 //! Winding: faces wound against the others of their piece, which are mended, and panels wound
-//! against those that they are sewn to, which are only told.
+//! against those that they are sewn to, which are only found.
 //!
 //! In: [`Pairs`] with their [`Vertices`]. Out: the polygons to be reversed, in both meshes, or the
 //! panels.
@@ -19,8 +19,9 @@
 //!
 //! An edge of more than two triangles spreads nothing, since its sheets have no common side. On a
 //! Möbius strip whose pattern is cut nothing disagrees; on any other the last edge that would
-//! contradict the rest is passed over. Two panels of which one seam agrees and another doesn't are
-//! sewn with a twist, and spread nothing either.
+//! contradict the rest is passed over. Panels that are sewn with a twist have no common side, and none of
+//! them is found: two of which one seam agrees and another doesn't, or a ring of which a seam
+//! contradicts the others.
 //!
 //! Cost: linear for meshes in which all agree, which is found without union-find. The edges of
 //! others are sorted.
@@ -86,8 +87,21 @@ pub(super) fn against_seams(pairs: &Pairs, panels: &[Piece]) -> Vec<usize> {
         .collect();
     let length = |[along, against]: [f64; 2]| along.max(against);
     seams.sort_by(|a, b| length(b.1).total_cmp(&length(a.1)));
-    let seams = seams.into_iter().map(|(nodes, [along, against])| (nodes, against > along));
-    smaller_classes(pairs, &panel_of, spread(panels.len() + 1, seams))
+    let seams: Vec<_> =
+        seams.into_iter().map(|(nodes, [along, against])| (nodes, against > along)).collect();
+    let mut sets = spread(panels.len() + 1, seams.iter().copied());
+    let mut twisted = Vec::new();
+    for ([a, b], against) in seams {
+        if sets.root(2 * a) != sets.root(2 * b + u32::from(against)) {
+            twisted.push(sets.root(2 * a) / 2);
+        }
+    }
+    let is_twisted: Vec<_> = (0..index32(panels.len()))
+        .map(|panel| twisted.contains(&(sets.root(2 * panel) / 2)))
+        .collect();
+    let mut found = smaller_classes(pairs, &panel_of, sets);
+    found.retain(|&panel| !is_twisted[panel]);
+    found
 }
 
 /// The nodes that are in the smaller class of those connected with them, in ascending order.

@@ -14,7 +14,7 @@ use super::ray::{Hit, SceneRay};
 use super::strip::RibbonEdges;
 use crate::cpu::lit::ShadingPoint;
 use crate::cpu::sample::unit;
-use crate::maps::Maps;
+use crate::maps::{Filter, Maps};
 use crate::paths::{PLAIN_SHADE, Subdivision, YarnPaths};
 use crate::ply::hash;
 use crate::scene::{Bounds, Scene, Shape};
@@ -131,21 +131,25 @@ impl<'a> Segments<'a> {
         self.scene.maps_of(&self.scene.looks[usize::from(self.look(start))])
     }
 
+    /// The lookups of a ray in a ribbon's texture.
+    pub(super) fn filter(&self, look: u16, maps: &Maps, ray: &SceneRay) -> Filter {
+        let width = 2.0 * self.scene.looks[usize::from(look)].radius;
+        maps.filter([ray.footprint / width, ray.footprint / maps.length])
+    }
+
     /// Whether a strip's texture stops the ray at a crossing, at random by its alpha.
     pub(super) fn is_opaque_at(
         &self,
         start: u32,
-        maps: &Maps,
+        (maps, filter): (&Maps, &Filter),
         [u, v]: [f32; 2],
         ray: &SceneRay,
     ) -> bool {
-        let radius = self.scene.looks[usize::from(self.look(start))].radius;
         let place = [u, self.along(start, v) / maps.length];
-        let footprint = [ray.footprint / (2.0 * radius), ray.footprint / maps.length];
         // A hash of the ray and the strip. Two strips in front of each other get independent
         // numbers, or two half-transparent ones would let the same half of all rays through.
         let mut bits = ray.random_bits ^ hash(start);
-        maps.covers(place, footprint, Shape::Ribbon, || {
+        maps.covers(place, filter, Shape::Ribbon, || {
             bits = bits.wrapping_add(RANDOM_STEP);
             unit(hash(bits))
         })
