@@ -15,9 +15,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use glam::DVec3;
 use warpknit::export::TemporaryFolder;
-use warpknit::garment::ReadOptions;
+use warpknit::garment::{ReadOptions, read};
 use warpknit::ids::index32;
-use warpknit::pipeline::read_garment;
 
 use super::super::args::Bench;
 use super::measure::measured;
@@ -55,7 +54,8 @@ fn empty_table() -> Table {
         "reading",
         TITLE,
         &[
-            "All of reading, from files to panels and what is lost of them; both files of a pair are read at once.",
+            "Reading, from files to panels; both files of a pair are read at once. To look for cloth under \
+           other cloth, as drape does, takes 60 ns a triangle more.",
         ],
         [("triangles", "triangles"), ("files", "files"), ("mb", "MB")],
     );
@@ -84,7 +84,7 @@ fn push(table: &mut Table, triangles: usize, runs: u32) -> Result<(usize, [f64; 
     let mut medians = [0.0; WAYS.len()];
     for (((name, files), (first, second)), median) in WAYS.into_iter().zip(ways).zip(&mut medians) {
         let taken = measured(runs, &mut || {
-            std::hint::black_box(read_garment(first, second.map(PathBuf::as_path), &options)?);
+            std::hint::black_box(read(first, second.map(PathBuf::as_path), &options)?);
             Ok(())
         })?;
         let sizes = [Some(first), second].into_iter().flatten().map(|path| path.metadata());

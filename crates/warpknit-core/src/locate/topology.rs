@@ -39,13 +39,11 @@ impl Topology {
     /// Cost: about 60 ns a triangle if neighbouring triangles lie near each other in memory.
     pub(super) fn new(uv: &[DVec2], triangles: &[[u32; 3]]) -> Self {
         let (neighbours, manifold) = neighbours(uv.len(), triangles);
-        let lies_simply = || {
-            all_face_up(uv, triangles)
-                && winds_once(uv, triangles, &neighbours)
-                && border_is_simple(uv, triangles, &neighbours)
-        };
-        let embedded =
-            manifold && rayon::join(|| is_connected(&neighbours), lies_simply) == (true, true);
+        let embedded = manifold
+            && all_face_up(uv, triangles)
+            && is_connected(&neighbours)
+            && winds_once(uv, triangles, &neighbours)
+            && border_is_simple(uv, triangles, &neighbours);
         Self { neighbours, embedded }
     }
 }
