@@ -102,8 +102,7 @@ impl Garment {
         let flat: &[DVec2] = bytemuck::cast_slice(&flat);
         let draped: &[DVec3] = bytemuck::cast_slice(&draped);
         let made = py.detach(|| {
-            let mut garment =
-                garment::Garment::from_arrays_with(flat, draped, &faces, &options)?;
+            let mut garment = garment::Garment::from_arrays_with(flat, draped, &faces, &options)?;
             count_covered(&mut garment, Path::new("arrays"), true)?;
             Ok(garment)
         });
