@@ -103,7 +103,7 @@ impl Garment {
         let draped: &[DVec3] = bytemuck::cast_slice(&draped);
         let made = py.detach(|| {
             let mut garment = garment::Garment::from_arrays_with(flat, draped, &faces, &options)?;
-            count_covered(&mut garment, Path::new("arrays"), true)?;
+            count_covered(&mut garment, Path::new("arrays"), options.allow_loss)?;
             Ok(garment)
         });
         Self::new(py, made, Vec::new())

@@ -15,6 +15,7 @@
 //! [`tile`] cuts a large cloth into parts for several machines.
 //! Lengths are millimetres and angles radians throughout, unless a name says otherwise.
 
+mod counted;
 mod cursor;
 pub mod drape;
 pub mod edges;

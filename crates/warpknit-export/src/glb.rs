@@ -136,7 +136,7 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
 
     /// Adds one block's tubes.
     fn add(&mut self, block: &Block, prepared: &PreparedBlock) -> Result<(), ExportError> {
-        let parent = self.nodes.bar_of(&mut self.root, block, &prepared.positions);
+        let parent = self.nodes.bar_of(&mut self.root, block, prepared.bounds());
         let positions = match &parent.grid {
             Some(grid) => {
                 let places: Vec<[u16; 4]> =

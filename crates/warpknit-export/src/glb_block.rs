@@ -82,6 +82,14 @@ impl PreparedBlock {
         self.fill_triangles(&tubes.triangles);
     }
 
+    /// Lowest and highest corner of all parts, m.
+    pub(super) fn bounds(&self) -> [Vec3; 2] {
+        let nowhere = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        self.parts
+            .iter()
+            .fold(nowhere, |[low, high], part| [low.min(part.low), high.max(part.high)])
+    }
+
     /// Forgets everything but keeps the memory.
     fn clear(&mut self) {
         self.positions.clear();

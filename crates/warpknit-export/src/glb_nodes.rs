@@ -59,10 +59,9 @@ impl NodeTree {
     }
 
     /// The node of the block's panel and bar: a new one where one of them is new, or where the last
-    /// node's grid doesn't hold the positions.
-    pub(super) fn bar_of(&mut self, root: &mut Root, block: &Block, positions: &[Vec3]) -> BarNode {
+    /// node's grid doesn't hold the block's bounds `own`.
+    pub(super) fn bar_of(&mut self, root: &mut Root, block: &Block, own: [Vec3; 2]) -> BarNode {
         let (panel, bar) = (block.panel, block.bar);
-        let own = bounds(positions);
         let is_own = |node: &BarNode| {
             (node.panel, node.bar) == (panel, bar)
                 && node.grid.as_ref().is_none_or(|grid| grid.holds(own))

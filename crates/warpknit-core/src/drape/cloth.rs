@@ -113,8 +113,8 @@ pub const MAX_SWEPT_STITCHES: u64 = 1_000_000;
 impl<'a> Cloth<'a> {
     /// Covers every panel. The fabric starts at the lowest-left corner of the panel's bounding box
     /// along the grain, or at the origin that the fabric's layout of that panel gives. A layout's
-    /// sides and grain are not applied here: the caller has turned the panels by [`Garment::turn_over`]
-    /// and [`Garment::turn_grain`].
+    /// sides and grain are not applied here: the caller has turned the panels by
+    /// [`Garment::turn_over`] and [`Garment::turn_grain`].
     ///
     /// # Errors
     /// A panel that would take more stitches than any garment has, or a layout of a panel that

@@ -8,6 +8,7 @@
 
 use super::structure::least_common_multiple;
 use super::{Bar, Fabric, Lay, Structure, WarpKnit};
+use crate::counted::counted;
 
 /// How many threads the needles of a repeat get.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,7 +104,7 @@ impl Fabric {
         };
         let (wales, courses) = (self.threading_repeat(), self.repeat());
         let repeat =
-            format!("{wales} {} by {courses} {}", plural(wales, "wale"), plural(courses, "course"));
+            format!("{} by {}", counted(wales as u64, "wale"), counted(courses as u64, "course"));
         Some(format!(
             "no bar laps the needle of wale {wale} in course {course}: the stitch drops ({others}; \
              the repeat is {repeat})"
@@ -219,10 +220,6 @@ impl Bar {
             self.threading.carries(guide) && other.threading.carries(others)
         })
     }
-}
-
-fn plural(count: usize, noun: &str) -> String {
-    if count == 1 { noun.to_owned() } else { format!("{noun}s") }
 }
 
 #[cfg(test)]

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::counted::counted;
+
 /// Reasons why no garment could be read.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -336,7 +338,10 @@ pub enum GarmentFault {
         count: u64,
     },
     /// Fewer than three corners.
-    #[error("the face has {}, but needs three or more: is the file cut off?", counted(*.found as u64, "corner"))]
+    #[error(
+        "the face has {}, but needs three or more: is the file cut off?",
+        counted(*.found as u64, "corner")
+    )]
     FewCorners {
         /// How many it has.
         found: usize,
@@ -347,11 +352,6 @@ pub enum GarmentFault {
         /// The most that is accepted.
         limit: u64,
     },
-}
-
-/// A number of things, in the plural where there isn't one.
-fn counted(number: u64, thing: &str) -> String {
-    format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
 }
 
 /// A path for a message, with control characters escaped so that the message stays on one line.

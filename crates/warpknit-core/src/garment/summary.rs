@@ -16,8 +16,8 @@ use super::{MendedPairs, Panel};
 /// Share of the draped area that may take no stitches without an error. A hole of that size is no
 /// small defect of a mesh: the file isn't what the user takes it for.
 pub const MOST_LOSS: f64 = 0.1;
-/// Share of the draped area that may lie under other cloth of its panel without a warning. Real
-/// garments have a third of that at most.
+/// Share of the draped area that may lie under other cloth of its panel without a warning. Sewing
+/// patterns have a third of that at most.
 const LITTLE_COVERED: f64 = 1e-3;
 
 /// The summary of reading a garment, for the report and for `inspect`.

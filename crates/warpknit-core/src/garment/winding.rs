@@ -19,16 +19,16 @@
 //!
 //! An edge of more than two triangles spreads nothing, since its sheets have no common side. On a
 //! Möbius strip whose pattern is cut nothing disagrees; on any other the last edge that would
-//! contradict the rest is passed over. Panels that are sewn with a twist have no common side, and none of
-//! them is found: two of which one seam agrees and another doesn't, or a ring of which a seam
-//! contradicts the others.
+//! contradict the rest is passed over. Panels that are sewn with a twist have no common side, and
+//! none of them is found: two of which one seam agrees and another doesn't, or a ring of which a
+//! seam contradicts the others.
 //!
 //! Cost: linear for meshes in which all agree, which is found without union-find. The edges of
 //! others are sorted.
 //!
 //! Not promised: seams whose sides have vertices of their own in the draped mesh.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -90,10 +90,10 @@ pub(super) fn against_seams(pairs: &Pairs, panels: &[Piece]) -> Vec<usize> {
     let seams: Vec<_> =
         seams.into_iter().map(|(nodes, [along, against])| (nodes, against > along)).collect();
     let mut sets = spread(panels.len() + 1, seams.iter().copied());
-    let mut twisted = Vec::new();
+    let mut twisted = HashSet::new();
     for ([a, b], against) in seams {
         if sets.root(2 * a) != sets.root(2 * b + u32::from(against)) {
-            twisted.push(sets.root(2 * a) / 2);
+            twisted.insert(sets.root(2 * a) / 2);
         }
     }
     let is_twisted: Vec<_> = (0..index32(panels.len()))
