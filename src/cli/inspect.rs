@@ -8,10 +8,11 @@ use anyhow::{Result, anyhow};
 use glam::DVec3;
 use warpknit::chart::Drawing;
 use warpknit::export::Output;
+use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::{Percentiles, isometry, stretch};
 use warpknit::garment::{Garment, GarmentError, GarmentSummary, ReadOptions};
 use warpknit::locate::overlap::{Overlaps, overlaps};
-use warpknit::pipeline::read_garment;
+use warpknit::pipeline::{read_garment, turn_panels};
 
 use super::args::{DEFAULT_FABRIC, Inspect};
 use super::choice::named_fabric;
@@ -28,7 +29,7 @@ const NAMED: usize = 6;
 /// Prints the fabric, if one is named, then one section for each garment. Pictures appear under their
 /// names only if nothing failed.
 pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
-    let mut pictures = Vec::new();
+    let (mut pictures, mut shown) = (Vec::new(), None);
     let Inspect { fabric: asked, chains, .. } = arguments;
     if arguments.has_fabric() {
         let asked = asked.as_deref().unwrap_or(DEFAULT_FABRIC);
@@ -46,18 +47,19 @@ pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
         notes.iter().for_each(|note| tell(false, &format!("note: {name}: {note}")));
         print(&sheet(&fabric)?)?;
         pictures = whole;
+        shown = Some(fabric);
     }
-    pictures.extend(inspect_meshes(arguments)?);
+    pictures.extend(inspect_meshes(arguments, shown.as_ref())?);
     Ok(pictures.into_iter().try_for_each(Output::publish)?)
 }
 
 /// Prints one section for each garment and draws its sheets. A single file has its flat mesh in its
 /// vt. With several files, the first is the flat mesh of all others. Folders and patterns stand for
-/// their files.
+/// their files. Panels are turned as the fabric, if one is named, says.
 ///
 /// The section of a garment that can't be read has the error. The other garments follow, and the
 /// command fails at the end.
-fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
+fn inspect_meshes(arguments: &Inspect, fabric: Option<&Fabric>) -> Result<Vec<Output>> {
     let meshes =
         arguments.meshes.iter().map(|path| expanded(path)).collect::<Result<Vec<_>>>()?.concat();
     let Some((first, others)) = meshes.split_first() else { return Ok(Vec::new()) };
@@ -73,7 +75,10 @@ fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
     for (number, draped) in garments.iter().enumerate() {
         let name = draped.map_or_else(|| first.display().to_string(), |draped| pair(first, draped));
         match read_garment(first, *draped, &options) {
-            Ok(garment) => {
+            Ok(mut garment) => {
+                if let Some(fabric) = fabric {
+                    turn_panels(&mut garment, fabric);
+                }
                 print(&section(&name, &garment)?)?;
                 whole.extend(draw(&name, &garment, &targets[number])?);
             }

@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3, UVec2};
 use image::{Rgba, RgbaImage};
 
 use warpknit_core::fabric::yarn::Color;
-use warpknit_core::garment::{Garment, Panel};
+use warpknit_core::garment::Garment;
 
 /// Samples along each side of a pixel.
 const SAMPLES: u32 = 2;
@@ -83,13 +83,13 @@ impl GarmentView {
         if extent.x > 0.0 { extent.y / extent.x } else { 1.0 }
     }
 
-    /// Draws the garment in the middle of a picture of this size: usable triangles in their colour,
-    /// flipped ones in the colour `defect`.
+    /// Draws the garment in the middle of a picture of this size: usable triangles in the colour that
+    /// `color` gives for a panel and a triangle of it, flipped ones in the colour `defect`.
     pub(super) fn paint(
         &self,
         garment: &Garment,
         size: UVec2,
-        color: &dyn Fn(&Panel, [u32; 3]) -> Color,
+        color: &dyn Fn(usize, usize) -> Color,
         defect: Color,
     ) -> RgbaImage {
         let samples = size * SAMPLES;
@@ -107,11 +107,11 @@ impl GarmentView {
             (DVec2::new(seen.x, -seen.y) + samples.as_dvec2() / 2.0)
                 .extend(self.toward.dot(p) * scale)
         };
-        for panel in &garment.panels {
-            let usable = panel.triangles.iter().map(|&corners| (corners, color(panel, corners)));
-            for (corners, color) in
-                usable.chain(panel.flipped.iter().map(|&corners| (corners, defect)))
-            {
+        for (number, panel) in garment.panels.iter().enumerate() {
+            let usable = panel.triangles.iter().enumerate();
+            let usable = usable.map(|(triangle, &corners)| (corners, color(number, triangle)));
+            let flipped = panel.flipped.iter().map(|&corners| (corners, defect));
+            for (corners, color) in usable.chain(flipped) {
                 let draped = corners.map(|vertex| panel.draped[vertex as usize]);
                 let normal =
                     (draped[1] - draped[0]).cross(draped[2] - draped[0]).normalize_or_zero();
@@ -228,7 +228,7 @@ mod tests {
         let garment = two_squares();
         let [front, back] = views(&garment);
         assert_eq!((front.name, back.name, front.aspect()), ("front", "back", 1.0));
-        let color = |panel: &Panel, _: [u32; 3]| if panel.size().x > 6.0 { RED } else { BLUE };
+        let color = |panel: usize, _| if garment.panels[panel].size().x > 6.0 { RED } else { BLUE };
         let at = |view: &GarmentView, x| {
             view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0
         };
@@ -252,7 +252,7 @@ mod tests {
             .for_each(|p| *p = DVec3::new(p.x, p.z / 9.0, -p.y));
         let [above, below] = views(&garment);
         assert_eq!((above.name, below.name), ("above", "below"));
-        let color = |panel: &Panel, _: [u32; 3]| if panel.size().x > 6.0 { RED } else { BLUE };
+        let color = |panel: usize, _| if garment.panels[panel].size().x > 6.0 { RED } else { BLUE };
         let at = |view: &GarmentView, x| {
             view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0
         };

@@ -32,9 +32,10 @@ use body::{GarmentView, views};
 use colors::StretchColors;
 use warpknit_core::fabric::yarn::Color;
 use warpknit_core::garment::stretch::{
-    Percentiles, TriangleStretch, percentiles, stretch, triangle, triangles,
+    Percentiles, TriangleStretch, percentiles, stretch, triangle as stretch_of, triangles,
 };
 use warpknit_core::garment::{Garment, GarmentSummary, Panel};
+use warpknit_core::locate::overlap::covered_shares;
 
 /// Colour of defects on which no stitch can lie. Every eye can distinguish it from both ends of the
 /// colour scale.
@@ -59,8 +60,14 @@ const BAR: DVec2 = DVec2::new(440.0, 14.0);
 /// would otherwise flatten the colours of all others.
 const BEYOND: f64 = 0.02;
 
+/// Share of a triangle under other cloth from which on it is marked. Less would mark neighbours that
+/// overlap by the rounding of their file; more would leave a narrow strip over large triangles
+/// unmarked.
+const LEAST_COVERED: f64 = 0.01;
+
 /// Draws the sheet.
 pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
+    let covered = covered(garment);
     let views = views(garment);
     let height = (MAP * views[0].aspect()).clamp(MAP_HEIGHTS.0, MAP_HEIGHTS.1).ceil();
     let maps = 2.0 * (CAPTION + height + NAMES);
@@ -75,6 +82,7 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     ];
     layers.extend(pattern::draw(
         garment,
+        &covered,
         DVec2::new(MARGIN, top),
         DVec2::new(PATTERN, maps),
         LEGEND,
@@ -82,9 +90,30 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     // Both directions share one scale, so that warp and weft can be compared.
     let colors = StretchColors::spanning(&spread(&garment.panels));
     let corner = DVec2::new(2.0 * MARGIN + PATTERN, top);
-    layers.extend(maps_of(garment, &views, &colors, corner, DVec2::new(MAP, height)));
-    layers.push(legend(&colors, garment.summary.flipped > 0, corner + DVec2::new(0.0, maps)));
+    let color = |panel: usize, triangle: usize, of: fn(&TriangleStretch) -> f64| {
+        if covered[panel].binary_search(&triangle).is_ok() {
+            return DEFECT;
+        }
+        let panel = &garment.panels[panel];
+        colors.color_of(of(&stretch_of(panel, panel.triangles[triangle])))
+    };
+    layers.extend(maps_of(garment, &views, &color, corner, DVec2::new(MAP, height)));
+    let defects = match (garment.summary.flipped > 0, covered.iter().any(|own| !own.is_empty())) {
+        (true, true) => Some("flipped, covered"),
+        (true, false) => Some("flipped"),
+        (false, true) => Some("covered"),
+        (false, false) => None,
+    };
+    layers.push(legend(&colors, defects, corner + DVec2::new(0.0, maps)));
     Drawing { size, layers, notes: Vec::new() }
+}
+
+/// For each panel the triangles that lie under other cloth of it, ascending.
+fn covered(garment: &Garment) -> Vec<Vec<usize>> {
+    let under = |shares: Vec<f64>| {
+        (0..shares.len()).filter(|&triangle| shares[triangle] > LEAST_COVERED).collect()
+    };
+    covered_shares(garment).into_iter().map(under).collect()
 }
 
 /// A layer of the drawing.
@@ -121,11 +150,12 @@ struct Direction {
     percentiles: Percentiles,
 }
 
-/// The maps: a row for each direction, with both views of the draped garment.
+/// The maps: a row for each direction, with both views of the draped garment. `color` is that of a
+/// panel's triangle by one of its stretches.
 fn maps_of(
     garment: &Garment,
     views: &[GarmentView; 2],
-    colors: &StretchColors,
+    color: &(dyn Fn(usize, usize, fn(&TriangleStretch) -> f64) -> Color + Sync),
     corner: DVec2,
     size: DVec2,
 ) -> Vec<DrawingLayer> {
@@ -151,8 +181,8 @@ fn maps_of(
     let paint = |map: usize| {
         let (row, side) = (map / 2, map % 2);
         let Direction { name, of, .. } = rows[row];
-        let color = |panel: &Panel, corners| colors.color_of(of(&triangle(panel, corners)));
-        let picture = views[side].paint(garment, pixels, &color, DEFECT);
+        let own = |panel, triangle| color(panel, triangle, of);
+        let picture = views[side].paint(garment, pixels, &own, DEFECT);
         let at = place(row) + DVec2::new(side as f64 * (MAP + GAP), CAPTION);
         layer(
             &format!("{name}-{}", views[side].name),
@@ -185,8 +215,8 @@ fn maps_of(
     layers
 }
 
-/// The colour bar with its marks.
-fn legend(colors: &StretchColors, defects: bool, corner: DVec2) -> DrawingLayer {
+/// The colour bar with its marks, and the names of what has the colour of defects, if there is any.
+fn legend(colors: &StretchColors, defects: Option<&str>, corner: DVec2) -> DrawingLayer {
     let at = corner + DVec2::new(20.0, 22.0);
     let pixels = (BAR * SCALE).as_uvec2();
     let middle = |x: u32| (f64::from(x) + 0.5) / f64::from(pixels.x);
@@ -204,14 +234,14 @@ fn legend(colors: &StretchColors, defects: bool, corner: DVec2) -> DrawingLayer 
         let below = at + DVec2::new((place + 1.0) / 2.0 * BAR.x, BAR.y + 14.0);
         shapes.push(label(below, stretch, Anchor::Middle));
     }
-    if defects {
+    if let Some(defects) = defects {
         let [r, g, b] = DEFECT.0;
         let at = at + DVec2::new(BAR.x + 40.0, 0.0);
         shapes.push(DrawingShape::Picture {
             at,
             picture: RgbaImage::from_pixel(28, pixels.y, Rgba([r, g, b, 255])),
         });
-        shapes.push(label(at + DVec2::new(20.0, 11.0), "flipped".to_owned(), Anchor::Start));
+        shapes.push(label(at + DVec2::new(20.0, 11.0), defects.to_owned(), Anchor::Start));
     }
     layer("legend", INK, shapes)
 }

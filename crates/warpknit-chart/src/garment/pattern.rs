@@ -67,8 +67,14 @@ struct PlacedPanel<'a> {
 }
 
 /// The layers of the panels in a box of size `room` at `corner`, with the scale bar in the `strip`
-/// px below the box.
-pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) -> Vec<DrawingLayer> {
+/// px below the box. `covered` are the triangles of each panel that lie under other cloth of it.
+pub(super) fn draw(
+    garment: &Garment,
+    covered: &[Vec<usize>],
+    corner: DVec2,
+    room: DVec2,
+    strip: f64,
+) -> Vec<DrawingLayer> {
     let mut pieces: Vec<_> = garment
         .panels
         .iter()
@@ -96,7 +102,7 @@ pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) ->
     let mut words = Vec::new();
     for placed in &placed {
         let (number, panel) = (placed.piece.number, &garment.panels[placed.piece.number]);
-        layers.extend(placed.defects(panel));
+        layers.extend(placed.defects(panel, &covered[number]));
         layers.push(layer(
             &format!("panel-{number}"),
             INK,
@@ -130,7 +136,7 @@ impl FlatPanel {
             points,
             low,
             size,
-            outlines: loops(&edges(panel, |count| count == 1)),
+            outlines: loops(&edges(all_triangles(panel), |count| count == 1)),
             words,
         }
     }
@@ -142,12 +148,18 @@ impl FlatPanel {
     }
 }
 
+/// A panel's triangles and then its flipped ones.
+fn all_triangles(panel: &Panel) -> impl Iterator<Item = &[u32; 3]> + Clone {
+    panel.triangles.iter().chain(&panel.flipped)
+}
+
 /// The edges whose number of adjacent triangles satisfies `wanted` (1: border, more than 2:
-/// non-manifold), flipped triangles included, in the order of the triangles.
-fn edges(panel: &Panel, wanted: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
-    let all = || {
-        panel.triangles.iter().chain(&panel.flipped).flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
-    };
+/// non-manifold), in the order of the triangles.
+fn edges<'a>(
+    triangles: impl Iterator<Item = &'a [u32; 3]> + Clone,
+    wanted: impl Fn(u32) -> bool,
+) -> Vec<[u32; 2]> {
+    let all = || triangles.clone().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
     let mut counts: HashMap<[u32; 2], u32> = HashMap::new();
     all().for_each(|edge| *counts.entry(undirected(edge)).or_default() += 1);
     // Removing the count returns each edge only once.
@@ -246,8 +258,13 @@ impl PlacedPanel<'_> {
 
     /// The border and the holes on the sheet.
     fn outline(&self) -> Vec<PathSegment> {
+        self.lines(&self.piece.outlines)
+    }
+
+    /// Closed lines of vertices on the sheet.
+    fn lines(&self, closed_lines: &[Vec<u32>]) -> Vec<PathSegment> {
         let mut segments = Vec::new();
-        for vertices in &self.piece.outlines {
+        for vertices in closed_lines {
             let points: Vec<_> = vertices.iter().map(|&vertex| self.vertex(vertex)).collect();
             segments.extend(closed(&points));
         }
@@ -255,9 +272,19 @@ impl PlacedPanel<'_> {
     }
 
     /// The panel's defects: flipped triangles, each with a dot so that the smallest one is visible,
-    /// and non-manifold edges.
-    fn defects(&self, panel: &Panel) -> Vec<DrawingLayer> {
+    /// non-manifold edges, and the cloth of the triangles that are `covered`.
+    fn defects(&self, panel: &Panel, covered: &[usize]) -> Vec<DrawingLayer> {
         let mut layers = Vec::new();
+        if !covered.is_empty() {
+            // A tiled texture covers a whole mesh, whose outline is short.
+            let under = covered.iter().map(|&triangle| &panel.triangles[triangle]);
+            let outline = loops(&edges(under, |count| count == 1));
+            layers.push(layer(
+                &format!("covered-{}", self.piece.number),
+                DEFECT,
+                vec![DrawingShape::Area { segments: self.lines(&outline) }],
+            ));
+        }
         if !panel.flipped.is_empty() {
             let shapes = panel.flipped.iter().flat_map(|corners| {
                 let corners = corners.map(|vertex| self.vertex(vertex));
@@ -269,7 +296,7 @@ impl PlacedPanel<'_> {
             });
             layers.push(layer(&format!("flipped-{}", self.piece.number), DEFECT, shapes.collect()));
         }
-        let shared = edges(panel, |count| count > 2);
+        let shared = edges(all_triangles(panel), |count| count > 2);
         if !shared.is_empty() {
             let pieces = shared
                 .iter()
@@ -400,7 +427,7 @@ mod tests {
         let mut panel = Garment::rectangle(3.0, 3.0).panels.remove(0);
         panel.uv.extend([(1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)].map(DVec2::from));
         panel.triangles = (0..4).flat_map(ring).collect();
-        let mut found = loops(&edges(&panel, |count| count == 1));
+        let mut found = loops(&edges(all_triangles(&panel), |count| count == 1));
         assert_eq!(found.len(), 2);
         found.iter_mut().for_each(|line| line.sort_unstable());
         assert_eq!(found, [[0, 1, 2, 3], [4, 5, 6, 7]]);

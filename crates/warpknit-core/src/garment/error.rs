@@ -197,10 +197,10 @@ pub enum GarmentError {
         100.0 * super::MOST_LOSS,
         if *.is_covered { "apart" } else { "flat and apart" },
         if *.is_covered {
-            ""
+            " (`warpknit inspect GARMENT -o sheet.svg` marks them)"
         } else {
             " (`warpknit inspect GARMENT -o sheet.svg` shows which lie flat, and marks the flipped \
-             ones)"
+             and covered ones)"
         }
     )]
     Loss {

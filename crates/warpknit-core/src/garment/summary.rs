@@ -343,7 +343,8 @@ impl GarmentSummary {
             self.warnings.push(format!(
                 "{} ({:.1} % of the draped area) lie under other cloth of their own panel in the \
                  pattern (first panel {panel}): stitches there go to one of the two places, and the \
-                 other stays bare; lay them apart in the pattern",
+                 other stays bare; lay them apart in the pattern (`warpknit inspect GARMENT -o \
+                 sheet.svg` marks them)",
                 cm2(covered),
                 100.0 * covered / self.draped_mm2
             ));

@@ -10,9 +10,8 @@
 //! point within the panel's area is never lost in a crack between triangles.
 //!
 //! Method, from fast to slow:
-//! 1. Successive points of a yarn mostly lie in one triangle or in the next. Four points at a time
-//!    are tested against the triangle of the last one, and the first outside tells across which edge
-//!    the next triangle lies (`triangle`).
+//! 1. Successive points of a yarn mostly lie in one triangle or in the next. Several stretches of
+//!    points are walked along in turn (`walks`).
 //! 2. A point farther away is found by a visibility walk over neighbours (Devillers, Pion and
 //!    Teillaud 2002, "Walking in a triangulation"), from a triangle near it (`starts`).
 //! 3. Where the walk cannot decide, a coarse grid tells whether the point is off the panel or near
@@ -33,6 +32,7 @@ mod starts;
 mod topology;
 mod trace;
 mod triangle;
+mod walks;
 
 use std::sync::OnceLock;
 
@@ -75,11 +75,6 @@ impl SurfacePoint {
         corners[0] * a + corners[1] * b + corners[2] * c
     }
 }
-
-/// Triangles in succession without a point, after which the walk to the next point starts near it.
-/// With fewer, walks start anew that were nearly done; with many more, the way from the end of one
-/// yarn to the start of the next is walked.
-const PATIENCE: usize = 4;
 
 /// A panel prepared for point location.
 pub struct Locator<'a> {
@@ -172,55 +167,14 @@ impl<'a> Locator<'a> {
     /// [`Self::locate`] into memory that exists already. Earlier values in `located` are replaced.
     pub fn locate_into(&self, points: &[DVec3], located: &mut Vec<Option<SurfacePoint>>) {
         located.resize(points.len(), None);
-        let mut at = 0;
-        let mut triangle = points.first().map_or(0, |p| self.starts.near(p.truncate()));
-        while at < points.len() {
-            // What lies inside a triangle is certain only if no other triangle covers it.
-            if self.embedded {
-                at += self.locate_runs(&mut triangle, &points[at..], &mut located[at..]);
-            }
-            let Some(point) = points.get(at) else { break };
+        if self.embedded {
+            return self.walk_along(points, located);
+        }
+        // What lies inside a triangle is certain only if no other triangle covers it.
+        for (point, located) in points.iter().zip(located) {
             let p = point.truncate();
-            let found = self.find(p, &mut triangle).map(|found| self.point(found, p));
-            located[at] = found;
-            at += 1;
-            if found.is_none() {
-                at += self.skip_off(&points[at..], &mut located[at..]);
-            }
+            *located = self.search(p).map(|found| self.point(found, p));
         }
-    }
-
-    /// Locates points of an embedded panel as long as each lies in the last one's triangle or a few
-    /// triangles on. Gives their number, and leaves in `triangle` a good start for the next point.
-    fn locate_runs(
-        &self,
-        triangle: &mut u32,
-        points: &[DVec3],
-        located: &mut [Option<SurfacePoint>],
-    ) -> usize {
-        let (mut at, mut patience) = (0, PATIENCE);
-        while patience > 0 {
-            let current = &self.triangles[*triangle as usize];
-            let (run, next) = current.locate_run(*triangle, &points[at..], &mut located[at..]);
-            at += run;
-            patience = if run > 0 { PATIENCE } else { patience - 1 };
-            let Containment::Beyond(edge) = next else { return at };
-            if current.neighbours[edge] == BORDER {
-                return at;
-            }
-            *triangle = current.neighbours[edge];
-        }
-        *triangle = self.starts.near(points[at].truncate());
-        at
-    }
-
-    /// Counts the points from the first on that are surely off an embedded panel. Yarns are planned a
-    /// little longer than the panel.
-    fn skip_off(&self, points: &[DVec3], located: &mut [Option<SurfacePoint>]) -> usize {
-        let Some(outline) = &self.outline else { return 0 };
-        let off = points.iter().take_while(|p| outline.is_off(p.truncate())).count();
-        located[..off].fill(None);
-        off
     }
 
     /// Locates one point. `hint` is any triangle, at best one nearby.

@@ -155,21 +155,23 @@ impl Outline {
         }
     }
 
-    /// Counts the cells from each to the nearest marked one.
+    /// Counts the cells from each to the nearest marked one. The grid's own sides are off the panel,
+    /// where nobody asks for a distance.
     fn spread(&mut self) {
         let columns = self.columns;
-        let after = |distance: i8| distance.saturating_add(1);
-        // Each pass looks at the four neighbours that it has met already. The grid's own sides are
-        // off the panel, where nobody asks for a distance.
-        let passed = [1, columns - 1, columns, columns + 1];
-        for at in columns + 1..self.cells.len() {
-            let nearest =
-                passed.iter().fold(i8::MAX, |least, &back| least.min(self.cells[at - back]));
-            self.cells[at] = self.cells[at].min(after(nearest));
+        for row in 1..self.rows {
+            let (before, own) = self.cells.split_at_mut(row * columns);
+            let own = &mut own[..columns];
+            near_row(&before[(row - 1) * columns..], own);
+            let mut last = i8::MAX;
+            own.iter_mut().for_each(|cell| one_on(&mut last, cell));
         }
-        for at in (0..self.cells.len() - columns - 1).rev() {
-            let nearest = passed.iter().fold(i8::MAX, |least, &on| least.min(self.cells[at + on]));
-            self.cells[at] = self.cells[at].min(after(nearest));
+        for row in (1..self.rows).rev() {
+            let (own, after) = self.cells.split_at_mut(row * columns);
+            let own = &mut own[(row - 1) * columns..];
+            near_row(&after[..columns], own);
+            let mut last = i8::MAX;
+            own.iter_mut().rev().for_each(|cell| one_on(&mut last, cell));
         }
     }
 
@@ -197,6 +199,22 @@ impl Outline {
             }
         }
     }
+}
+
+/// Lowers distances in a row to one more than those of the three cells of the row beside it. Without a
+/// branch or a wait for the cell before, so that it is done for many cells at a time.
+fn near_row(beside: &[i8], own: &mut [i8]) {
+    let inner = own.len() - 1;
+    for (own, beside) in own[1..inner].iter_mut().zip(beside.array_windows()) {
+        let [left, middle, right]: [i8; 3] = *beside;
+        *own = (*own).min(left.min(middle).min(right).saturating_add(1));
+    }
+}
+
+/// Lowers a distance to one more than the last, and makes it the last.
+fn one_on(last: &mut i8, cell: &mut i8) {
+    *last = (*cell).min(last.saturating_add(1));
+    *cell = *last;
 }
 
 #[cfg(test)]

@@ -157,23 +157,11 @@ pub fn count_covered(
     flat: &Path,
     allowed: bool,
 ) -> Result<(), GarmentError> {
-    let embedded = embedded(&garment.panels);
-    let mut left = Some(MAX_PAIRS);
     let (mut covered, mut first) = (0.0, None);
-    for (number, panel) in garment.panels.iter().enumerate().filter(|(i, _)| !embedded[*i]) {
-        let mut layout = PlaneLayout { triangles: Vec::new(), shared: false };
-        layout.add(panel, number, &panel.uv);
-        // The share of each triangle that lies under others.
-        let mut shares = vec![0.0; panel.triangles.len()];
-        let mut add = |[one, other]: [&FlatTriangle; 2], area| {
-            let faces = [one, other].map(|flat| panel.faces[flat.index as usize]);
-            let under = if faces[0] < faces[1] { other } else { one };
-            let [a, b, c] = under.corners;
-            shares[under.index as usize] += 2.0 * area / cross(a, b, c);
-        };
-        left = left.and_then(|left| layout.measure(&embedded, left, &mut add));
+    for (number, (panel, shares)) in garment.panels.iter().zip(covered_shares(garment)).enumerate()
+    {
         let own: f64 = (panel.triangles.iter().zip(&shares))
-            .map(|(triangle, share)| share.min(1.0) * draped_area(panel, triangle))
+            .map(|(triangle, share)| share * draped_area(panel, triangle))
             .sum();
         if own > AREA_TOLERANCE * panel.area() {
             covered += own;
@@ -184,6 +172,36 @@ pub fn count_covered(
         Some(panel) => garment.summary.note_covered(covered, panel, flat, allowed),
         None => Ok(()),
     }
+}
+
+/// The share of each triangle, 0 to 1, that lies under other cloth of its own panel: of two
+/// triangles, the one that comes later in the file lies under the other. Nothing is listed for a panel
+/// that doesn't lie over itself. Shares of two triangles over a third are added, and the search ends
+/// after four million pairs, as [`count_covered`] says.
+///
+/// ```
+/// use warpknit_core::{garment::Garment, locate::overlap::covered_shares};
+/// assert_eq!(covered_shares(&Garment::rectangle(10.0, 10.0)), [[0.0; 0]]);
+/// ```
+#[must_use]
+pub fn covered_shares(garment: &Garment) -> Vec<Vec<f64>> {
+    let embedded = embedded(&garment.panels);
+    let mut left = Some(MAX_PAIRS);
+    let mut all = vec![Vec::new(); garment.panels.len()];
+    for (number, panel) in garment.panels.iter().enumerate().filter(|(i, _)| !embedded[*i]) {
+        let mut layout = PlaneLayout { triangles: Vec::new(), shared: false };
+        layout.add(panel, number, &panel.uv);
+        let mut shares: Vec<f64> = vec![0.0; panel.triangles.len()];
+        let mut add = |[one, other]: [&FlatTriangle; 2], area| {
+            let faces = [one, other].map(|flat| panel.faces[flat.index as usize]);
+            let under = if faces[0] < faces[1] { other } else { one };
+            let [a, b, c] = under.corners;
+            shares[under.index as usize] += 2.0 * area / cross(a, b, c);
+        };
+        left = left.and_then(|left| layout.measure(&embedded, left, &mut add));
+        all[number] = shares.into_iter().map(|share| share.min(1.0)).collect();
+    }
+    all
 }
 
 /// Draped area of a panel's triangle, mm².
