@@ -7,6 +7,7 @@ use assert_cmd::Command;
 use glam::DVec2;
 use roxmltree::Document;
 use warpknit::chart::{Drawing, DrawingShape};
+use warpknit::fabric::Fabric;
 use warpknit::garment::{Garment, ReadOptions, read};
 use warpknit::locate::overlap::overlaps;
 
@@ -77,6 +78,19 @@ fn known_squares_have_their_numbers() {
             row("2", "1.000", "1.000", "yes")
         ]
     );
+}
+
+#[test]
+fn a_named_fabric_turns_panels() {
+    let folder = tempfile::tempdir().unwrap();
+    squares(folder.path());
+    let turned =
+        Fabric::named("tricot").unwrap().to_string() + "\n[[panels]]\npanel = 0\ngrain = 90.0\n";
+    std::fs::write(folder.path().join("turned.toml"), turned).unwrap();
+    let arguments = [&["squares.obj", "--fabric", "turned.toml"], &SCALE[..]].concat();
+    let (text, ..) = run(folder.path(), &arguments, 0);
+    let expected = "  stretch 5/50/95 %: warp 0.800 1.000 1.250, weft 0.800 1.000 1.250";
+    assert!(text.lines().any(|line| line == expected), "{text}");
 }
 
 #[test]
