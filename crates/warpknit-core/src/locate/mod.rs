@@ -10,8 +10,8 @@
 //! point within the panel's area is never lost in a crack between triangles.
 //!
 //! Method, from fast to slow:
-//! 1. Successive points of a yarn mostly lie in one triangle or in the next. Several stretches of
-//!    points are walked along in turn (`walks`).
+//! 1. Successive points of a yarn mostly lie in one triangle or in the next. A walk goes along them;
+//!    where triangles hold few points, several take turns (`walks`).
 //! 2. A point farther away is found by a visibility walk over neighbours (Devillers, Pion and
 //!    Teillaud 2002, "Walking in a triangulation"), from a triangle near it (`starts`).
 //! 3. Where the walk cannot decide, a coarse grid tells whether the point is off the panel or near
@@ -41,6 +41,7 @@ use obvhs::bvh2::Bvh2;
 
 use crate::garment::Panel;
 use crate::ids::FaceId;
+use crate::number::double;
 use bvh::{outer_box, tree, visit_boxes};
 use orient2d::crosses;
 use outline::{BorderSide, Outline};
@@ -81,6 +82,8 @@ pub struct Locator<'a> {
     panel: &'a Panel,
     /// All triangles of the panel, prepared for tests.
     triangles: Vec<BarycentricTriangle>,
+    /// Side of a square as large as the bounding box has for each triangle, mm.
+    side: f64,
     /// Whether the panel is certain to cover no point twice, so that a walk may replace a search.
     embedded: bool,
     /// Steps after which a walk gives up.
@@ -134,6 +137,7 @@ impl<'a> Locator<'a> {
         };
         Self {
             panel,
+            side: (size.x * size.y / double(triangles.len())).sqrt(),
             triangles,
             embedded,
             max_steps,

@@ -156,28 +156,63 @@ impl BarycentricTriangle {
         }
     }
 
-    /// Counts the points from the first on that lie within the triangle, its edges left out, and
-    /// writes them to `located`. Values behind the counted ones there are coordinates of points that
-    /// lie outside.
+    /// Counts those of four points, from the first on, that lie within the triangle, its edges left
+    /// out, and writes them to `located`. Values behind the counted ones there are coordinates of
+    /// points that lie outside.
     #[inline(always)]
-    pub(super) fn locate_run(
+    pub(super) fn locate_four(
         &self,
         triangle: u32,
         points: &[DVec3; LANES],
         located: &mut [Option<SurfacePoint>; LANES],
     ) -> usize {
+        // The lowest set bit is the first point that is not inside. No processor foretells where a
+        // short run ends, so there is no branch.
+        (self.outside(triangle, points, located) | 1 << LANES).trailing_zeros() as usize
+    }
+
+    /// The same for any number of points, of which many are expected to lie within. Also tells on
+    /// which side the next one lies. Up to three points at the end are not tested: there is no side
+    /// then.
+    #[inline]
+    pub(super) fn locate_run(
+        &self,
+        triangle: u32,
+        points: &[DVec3],
+        located: &mut [Option<SurfacePoint>],
+    ) -> (usize, Option<Side>) {
+        let mut count = 0;
+        for (points, located) in points.as_chunks().0.iter().zip(located.as_chunks_mut().0) {
+            let outside = self.outside(triangle, points, located);
+            if outside != 0 {
+                let run = outside.trailing_zeros() as usize;
+                let side = located[run].map(|SurfacePoint { b, c, .. }| self.side_of(b, c));
+                return (count + run, side);
+            }
+            count += LANES;
+        }
+        (count, None)
+    }
+
+    /// Writes four points to `located` as points of the triangle. Bit i is set if the i-th doesn't
+    /// surely lie within.
+    #[inline(always)]
+    fn outside(
+        &self,
+        triangle: u32,
+        points: &[DVec3; LANES],
+        located: &mut [Option<SurfacePoint>; LANES],
+    ) -> u32 {
         let margin = f64::from(self.margin);
-        // No branch: all are computed and written, and a bit mask says which are outside. A test and
-        // exit a point cannot be vectorised, and no processor foretells where a run ends.
-        let mut outside = 1_u32 << LANES;
+        // All four are computed and written: a test and exit a point can't be vectorised.
+        let mut outside = 0;
         for (lane, (point, located)) in points.iter().zip(located).enumerate() {
             let (b, c) = self.weights(point.truncate());
             let inside = (b > margin) & (c > margin) & (1.0 - b - c > margin);
             outside |= u32::from(!inside) << lane;
             *located = Some(SurfacePoint { triangle, b, c });
         }
-        // The lowest set bit is the first point that is not inside.
-        outside.trailing_zeros() as usize
+        outside
     }
 }
 

@@ -1,14 +1,14 @@
-//! Walks along several stretches of points at a time.
+//! Walks along points from triangle to triangle, several at a time where triangles are small.
 //!
 //! In: a [`Locator`] of a panel that covers no place twice, and points in order. Out: the location of
 //! each.
 //!
 //! Method: successive points of a yarn mostly lie in one triangle or in the next. Four of them are
 //! tested against the triangle of the last one, and the first outside tells across which edge the
-//! next triangle lies (`triangle`). Each such step waits for the one before, some 40 cycles. So the
-//! points are cut into stretches, and [`WALKS`] of them are walked along in turn, a step each: the
-//! processor works at one while it waits for another. A step has no branch on where points lie, except
-//! where the walk is stuck.
+//! next triangle lies (`triangle`). Each such step waits for the one before, some 40 cycles. Where
+//! triangles hold few points, that takes most of the time. There the points are cut into stretches, and
+//! [`WALKS`] of them are walked along in turn, a step each: the processor works at one while it waits
+//! for another. Such a step has no branch on where points lie, except where the walk is stuck.
 //!
 //! Where a walk can't decide, or has gone some way without a point, [`Locator::find`] finds the next
 //! point.
@@ -16,12 +16,17 @@
 use glam::DVec3;
 
 use super::topology::BORDER;
-use super::triangle::LANES;
+use super::triangle::{LANES, Side};
 use super::{Locator, SurfacePoint};
+use crate::number::double;
 
-/// Walks that take turns. Measured with some ten points a triangle: one takes 4.5 ms, four 3.5. Where a
-/// triangle holds fifty points, four take a tenth longer than one.
+/// Walks that take turns. With fewer, the processor waits; more don't fit its registers.
 const WALKS: usize = 4;
+/// Successive points in a triangle from which on there is a single walk. At 3 it takes 1.3 times as long
+/// as [`WALKS`] in turn, at 7 and 9 as long, and at 17 0.87 times.
+const MANY_POINTS: f64 = 7.0;
+/// Steps between points that tell how near they lie to each other.
+const SAMPLE: usize = 64;
 /// Points of a stretch. Shorter ones spend more on their starts; of longer ones a block has too few to
 /// keep all walks going to its end.
 const STRETCH: usize = 512;
@@ -47,6 +52,9 @@ struct PointWalk<'p> {
 impl Locator<'_> {
     /// Locates points of a panel that covers no place twice.
     pub(super) fn walk_along(&self, points: &[DVec3], located: &mut [Option<SurfacePoint>]) {
+        if self.points_a_triangle(points) > MANY_POINTS {
+            return self.walk_on(&mut self.start((points, located)));
+        }
         let mut stretches = points.chunks(STRETCH).zip(located.chunks_mut(STRETCH));
         let mut walks: Vec<_> =
             stretches.by_ref().take(WALKS).map(|stretch| self.start(stretch)).collect();
@@ -62,6 +70,37 @@ impl Locator<'_> {
                 }
             }
         }
+    }
+
+    /// About how many successive points lie in a triangle, by the first of them.
+    fn points_a_triangle(&self, points: &[DVec3]) -> f64 {
+        let steps = points.array_windows().take(SAMPLE);
+        let count = steps.len();
+        let way: f64 = steps.map(|[a, b]| a.truncate().distance(b.truncate())).sum();
+        self.side * double(count) / way
+    }
+
+    /// Walks along all points by itself.
+    #[inline(never)]
+    fn walk_on(&self, walk: &mut PointWalk<'_>) {
+        while self.long_step(walk) || self.next_point(walk) {}
+    }
+
+    /// Locates the next points up to the last in the walk's triangle, and goes on to the triangle
+    /// across the edge beyond which the next one lies. False if the walk is stuck.
+    #[inline(always)]
+    fn long_step(&self, walk: &mut PointWalk<'_>) -> bool {
+        let current = &self.triangles[walk.triangle as usize];
+        let (points, located) = (&walk.points[walk.at..], &mut walk.located[walk.at..]);
+        let (run, side) = current.locate_run(walk.triangle, points, located);
+        walk.at += run;
+        let Some(Side { edge, is_certain: true }) = side else { return false };
+        if current.neighbours[edge] == BORDER {
+            return false;
+        }
+        walk.triangle = current.neighbours[edge];
+        walk.patience = if run > 0 { PATIENCE } else { walk.patience - 1 };
+        walk.patience > 0
     }
 
     /// The walk along a stretch, before its first point.
@@ -83,13 +122,13 @@ impl Locator<'_> {
         let located = walk.located[walk.at..].as_chunks_mut::<LANES>().0;
         let mut fours = points.iter().zip(located);
         let Some((points, mut located)) = fours.next() else { return false };
-        let mut run = current.locate_run(walk.triangle, points, located);
+        let mut run = current.locate_four(walk.triangle, points, located);
         // Where triangles are large, a walk that stayed will stay on.
         while walk.stays && run == LANES {
             walk.at += LANES;
             let Some((points, next)) = fours.next() else { return false };
             located = next;
-            run = current.locate_run(walk.triangle, points, located);
+            run = current.locate_four(walk.triangle, points, located);
         }
         walk.at += run;
         walk.stays = run == LANES;
