@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, anyhow};
 use glam::DVec3;
 use warpknit::chart::Drawing;
+use warpknit::drape::Cloth;
 use warpknit::export::Output;
 use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::{Percentiles, isometry, stretch};
@@ -77,6 +78,7 @@ fn inspect_meshes(arguments: &Inspect, fabric: Option<&Fabric>) -> Result<Vec<Ou
         match read_garment(first, *draped, &options) {
             Ok(mut garment) => {
                 if let Some(fabric) = fabric {
+                    Cloth::check_panels(&garment, fabric)?;
                     turn_panels(&mut garment, fabric);
                 }
                 print(&section(&name, &garment)?)?;

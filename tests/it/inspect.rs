@@ -86,11 +86,15 @@ fn a_named_fabric_turns_panels() {
     squares(folder.path());
     let turned =
         Fabric::named("tricot").unwrap().to_string() + "\n[[panels]]\npanel = 0\ngrain = 90.0\n";
-    std::fs::write(folder.path().join("turned.toml"), turned).unwrap();
+    std::fs::write(folder.path().join("turned.toml"), &turned).unwrap();
     let arguments = [&["squares.obj", "--fabric", "turned.toml"], &SCALE[..]].concat();
     let (text, ..) = run(folder.path(), &arguments, 0);
     let expected = "  stretch 5/50/95 %: warp 0.800 1.000 1.250, weft 0.800 1.000 1.250";
     assert!(text.lines().any(|line| line == expected), "{text}");
+    std::fs::write(folder.path().join("turned.toml"), turned.replace("panel = 0", "panel = 7"))
+        .unwrap();
+    let (_, message, _) = run(folder.path(), &arguments, 1);
+    assert!(message.contains("a [[panels]] table for panel 7"), "{message}");
 }
 
 #[test]

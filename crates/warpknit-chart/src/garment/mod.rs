@@ -60,10 +60,10 @@ const BAR: DVec2 = DVec2::new(440.0, 14.0);
 /// would otherwise flatten the colours of all others.
 const BEYOND: f64 = 0.02;
 
-/// Share of a triangle under other cloth from which on it is marked. Less would mark neighbours that
-/// overlap by the rounding of their file; more would leave a narrow strip over large triangles
-/// unmarked.
-const LEAST_COVERED: f64 = 0.01;
+/// Share of a triangle under other cloth from which on it is marked, all of it. Less would mark
+/// cloth that lies flush and overlaps by the rounding of its file; more would leave a narrow strip
+/// over large triangles unmarked.
+const LEAST_COVERED: f64 = 1e-4;
 
 /// Draws the sheet.
 pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
@@ -99,9 +99,9 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     };
     layers.extend(maps_of(garment, &views, &color, corner, DVec2::new(MAP, height)));
     let defects = match (garment.summary.flipped > 0, covered.iter().any(|own| !own.is_empty())) {
-        (true, true) => Some("flipped, covered"),
+        (true, true) => Some("flipped or covered"),
         (true, false) => Some("flipped"),
-        (false, true) => Some("covered"),
+        (false, true) => Some("under other cloth"),
         (false, false) => None,
     };
     layers.push(legend(&colors, defects, corner + DVec2::new(0.0, maps)));

@@ -136,7 +136,7 @@ impl FlatPanel {
             points,
             low,
             size,
-            outlines: loops(&edges(all_triangles(panel), |count| count == 1)),
+            outlines: loops(&edges(panel, |count| count == 1)),
             words,
         }
     }
@@ -148,18 +148,12 @@ impl FlatPanel {
     }
 }
 
-/// A panel's triangles and then its flipped ones.
-fn all_triangles(panel: &Panel) -> impl Iterator<Item = &[u32; 3]> + Clone {
-    panel.triangles.iter().chain(&panel.flipped)
-}
-
 /// The edges whose number of adjacent triangles satisfies `wanted` (1: border, more than 2:
-/// non-manifold), in the order of the triangles.
-fn edges<'a>(
-    triangles: impl Iterator<Item = &'a [u32; 3]> + Clone,
-    wanted: impl Fn(u32) -> bool,
-) -> Vec<[u32; 2]> {
-    let all = || triangles.clone().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+/// non-manifold), flipped triangles included, in the order of the triangles.
+fn edges(panel: &Panel, wanted: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
+    let all = || {
+        panel.triangles.iter().chain(&panel.flipped).flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+    };
     let mut counts: HashMap<[u32; 2], u32> = HashMap::new();
     all().for_each(|edge| *counts.entry(undirected(edge)).or_default() += 1);
     // Removing the count returns each edge only once.
@@ -258,13 +252,8 @@ impl PlacedPanel<'_> {
 
     /// The border and the holes on the sheet.
     fn outline(&self) -> Vec<PathSegment> {
-        self.lines(&self.piece.outlines)
-    }
-
-    /// Closed lines of vertices on the sheet.
-    fn lines(&self, closed_lines: &[Vec<u32>]) -> Vec<PathSegment> {
         let mut segments = Vec::new();
-        for vertices in closed_lines {
+        for vertices in &self.piece.outlines {
             let points: Vec<_> = vertices.iter().map(|&vertex| self.vertex(vertex)).collect();
             segments.extend(closed(&points));
         }
@@ -276,14 +265,12 @@ impl PlacedPanel<'_> {
     fn defects(&self, panel: &Panel, covered: &[usize]) -> Vec<DrawingLayer> {
         let mut layers = Vec::new();
         if !covered.is_empty() {
-            // A tiled texture covers a whole mesh, whose outline is short.
-            let under = covered.iter().map(|&triangle| &panel.triangles[triangle]);
-            let outline = loops(&edges(under, |count| count == 1));
-            layers.push(layer(
-                &format!("covered-{}", self.piece.number),
-                DEFECT,
-                vec![DrawingShape::Area { segments: self.lines(&outline) }],
-            ));
+            // Each by itself: in one area, two that lie over each other would leave a hole.
+            let shapes = covered.iter().map(|&triangle| {
+                let corners = panel.triangles[triangle].map(|vertex| self.vertex(vertex));
+                DrawingShape::Area { segments: closed(&corners) }
+            });
+            layers.push(layer(&format!("covered-{}", self.piece.number), DEFECT, shapes.collect()));
         }
         if !panel.flipped.is_empty() {
             let shapes = panel.flipped.iter().flat_map(|corners| {
@@ -296,7 +283,7 @@ impl PlacedPanel<'_> {
             });
             layers.push(layer(&format!("flipped-{}", self.piece.number), DEFECT, shapes.collect()));
         }
-        let shared = edges(all_triangles(panel), |count| count > 2);
+        let shared = edges(panel, |count| count > 2);
         if !shared.is_empty() {
             let pieces = shared
                 .iter()
@@ -427,7 +414,7 @@ mod tests {
         let mut panel = Garment::rectangle(3.0, 3.0).panels.remove(0);
         panel.uv.extend([(1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)].map(DVec2::from));
         panel.triangles = (0..4).flat_map(ring).collect();
-        let mut found = loops(&edges(all_triangles(&panel), |count| count == 1));
+        let mut found = loops(&edges(&panel, |count| count == 1));
         assert_eq!(found.len(), 2);
         found.iter_mut().for_each(|line| line.sort_unstable());
         assert_eq!(found, [[0, 1, 2, 3], [4, 5, 6, 7]]);

@@ -138,7 +138,20 @@ impl<'a> Cloth<'a> {
         Ok(())
     }
 
-    /// The same with a repeat of the fabric that is knitted already.
+    /// Checks that the garment has all panels of which the fabric says how it lies there.
+    ///
+    /// # Errors
+    /// [`LayoutError::NoPanel`].
+    pub fn check_panels(garment: &Garment, fabric: &Fabric) -> Result<(), LayoutError> {
+        let own = garment.panels.iter().filter(|panel| panel.turned_in.is_none());
+        let last = own.count().saturating_sub(1);
+        match fabric.panels.iter().find(|layout| layout.panel > last) {
+            Some(layout) => Err(LayoutError::NoPanel { panel: layout.panel, last }),
+            None => Ok(()),
+        }
+    }
+
+    /// [`Self::cover`] with a repeat of the fabric that is knitted already.
     ///
     /// # Errors
     /// Those of [`Self::cover`].
@@ -148,11 +161,7 @@ impl<'a> Cloth<'a> {
         pattern: Pattern,
     ) -> Result<Self, LayoutError> {
         Self::check_sizes(garment, fabric)?;
-        let own = garment.panels.iter().filter(|panel| panel.turned_in.is_none());
-        let last = own.count().saturating_sub(1);
-        if let Some(layout) = fabric.panels.iter().find(|layout| layout.panel > last) {
-            return Err(LayoutError::NoPanel { panel: layout.panel, last });
-        }
+        Self::check_panels(garment, fabric)?;
         let corner = |panel: &Panel| panel.bounds()[0];
         let origins = garment.panels.iter().enumerate().map(|(at, panel)| {
             match panel.turned_in.and_then(|at| garment.panels.get(at).zip(Some(at))) {

@@ -191,8 +191,8 @@ pub enum GarmentError {
     },
     /// Too much of the garment can't be knitted.
     #[error(
-        "{}: {what}; over {} % is refused: lay these faces {} in the pattern and export it again, \
-         or give --allow-loss{}",
+        "{}: {what}; over {} % is refused: lay these faces {} in the pattern{} and export it again, \
+         or give --allow-loss",
         one_line(.path),
         100.0 * super::MOST_LOSS,
         if *.is_covered { "apart" } else { "flat and apart" },

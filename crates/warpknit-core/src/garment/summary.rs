@@ -322,7 +322,7 @@ impl GarmentSummary {
         self.check_loss(flat, allowed)?;
         self.warnings.push(format!(
             "{}; lay these faces flat in the pattern and export it again \
-             (`warpknit inspect GARMENT -o sheet.svg` shows which lie flat, and marks the flipped ones)",
+             (`warpknit inspect GARMENT -o sheet.svg` shows which lie flat, and marks the flipped and covered ones)",
             self.what_is_lost()
         ));
         Ok(())

@@ -82,7 +82,7 @@ pub struct Locator<'a> {
     panel: &'a Panel,
     /// All triangles of the panel, prepared for tests.
     triangles: Vec<BarycentricTriangle>,
-    /// Side of a square as large as the bounding box has for each triangle, mm.
+    /// Side of a square with the bounding box's area per triangle, mm.
     side: f64,
     /// Whether the panel is certain to cover no point twice, so that a walk may replace a search.
     embedded: bool,

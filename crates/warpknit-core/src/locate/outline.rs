@@ -155,8 +155,8 @@ impl Outline {
         }
     }
 
-    /// Counts the cells from each to the nearest marked one. The grid's own sides are off the panel,
-    /// where nobody asks for a distance.
+    /// Counts the cells from each to the nearest marked one. The grid's own sides are left out: the
+    /// frame keeps all places of which the distance is asked away from them.
     fn spread(&mut self) {
         let columns = self.columns;
         for row in 1..self.rows {
@@ -201,8 +201,8 @@ impl Outline {
     }
 }
 
-/// Lowers distances in a row to one more than those of the three cells of the row beside it. Without a
-/// branch or a wait for the cell before, so that it is done for many cells at a time.
+/// Lowers distances in a row to one more than those of the three cells of the row beside it. There
+/// is no branch and no wait for the cell before, so that it is done for many cells at a time.
 fn near_row(beside: &[i8], own: &mut [i8]) {
     let inner = own.len() - 1;
     for (own, beside) in own[1..inner].iter_mut().zip(beside.array_windows()) {

@@ -175,9 +175,8 @@ pub fn count_covered(
 }
 
 /// The share of each triangle, 0 to 1, that lies under other cloth of its own panel: of two
-/// triangles, the one that comes later in the file lies under the other. Nothing is listed for a panel
-/// that doesn't lie over itself. Shares of two triangles over a third are added, and the search ends
-/// after four million pairs, as [`count_covered`] says.
+/// triangles, the one that comes later in the file lies under the other. Nothing is listed for a
+/// panel that surely doesn't lie over itself. [`count_covered`] tells the limits.
 ///
 /// ```
 /// use warpknit_core::{garment::Garment, locate::overlap::covered_shares};
@@ -199,7 +198,8 @@ pub fn covered_shares(garment: &Garment) -> Vec<Vec<f64>> {
             shares[under.index as usize] += 2.0 * area / cross(a, b, c);
         };
         left = left.and_then(|left| layout.measure(&embedded, left, &mut add));
-        all[number] = shares.into_iter().map(|share| share.min(1.0)).collect();
+        shares.iter_mut().for_each(|share| *share = share.min(1.0));
+        all[number] = shares;
     }
     all
 }

@@ -132,6 +132,7 @@ impl BarycentricTriangle {
         // edge to leave through: the point lies farthest beyond it, which keeps walks short.
         let (is_b, less) = (b < a, if b < a { b } else { a });
         let (is_c, least) = (c < less, if c < less { c } else { less });
+        // The edge opposite to the first corner is 1, to the second 2, to the third 0.
         let edge = (1 + usize::from(is_b)) * usize::from(!is_c);
         Side { edge, is_certain: least < -f64::from(self.margin) }
     }
@@ -157,8 +158,8 @@ impl BarycentricTriangle {
     }
 
     /// Counts those of four points, from the first on, that lie within the triangle, its edges left
-    /// out, and writes them to `located`. Values behind the counted ones there are coordinates of
-    /// points that lie outside.
+    /// out, and writes them to `located`. The value behind them has the coordinates of the first
+    /// point that isn't inside; later ones have no meaning.
     #[inline(always)]
     pub(super) fn locate_four(
         &self,

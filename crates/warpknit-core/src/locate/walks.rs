@@ -1,17 +1,17 @@
 //! Walks along points from triangle to triangle, several at a time where triangles are small.
 //!
-//! In: a [`Locator`] of a panel that covers no place twice, and points in order. Out: the location of
-//! each.
+//! In: a [`Locator`] of a panel that covers no place twice, and points in order. Out: the location
+//! of each.
 //!
 //! Method: successive points of a yarn mostly lie in one triangle or in the next. Four of them are
 //! tested against the triangle of the last one, and the first outside tells across which edge the
-//! next triangle lies (`triangle`). Each such step waits for the one before, some 40 cycles. Where
-//! triangles hold few points, that takes most of the time. There the points are cut into stretches, and
-//! [`WALKS`] of them are walked along in turn, a step each: the processor works at one while it waits
-//! for another. Such a step has no branch on where points lie, except where the walk is stuck.
+//! next triangle lies (`triangle`). A step to the next triangle waits for the one before, some 40
+//! cycles. Where triangles hold few points, that takes most of the time. There the points are cut
+//! into stretches, and [`WALKS`] of them are walked along in turn, a step each: the processor works
+//! at one while it waits for another. Such a step rarely branches on where points lie, since no
+//! processor foretells that.
 //!
-//! Where a walk can't decide, or has gone some way without a point, [`Locator::find`] finds the next
-//! point.
+//! Where a walk can't decide, or has gone on without a point, [`Locator::find`] finds the next one.
 
 use glam::DVec3;
 
@@ -20,15 +20,16 @@ use super::triangle::{LANES, Side};
 use super::{Locator, SurfacePoint};
 use crate::number::double;
 
-/// Walks that take turns. With fewer, the processor waits; more don't fit its registers.
+/// Walks that take turns. Fewer leave the processor waiting; with more, the last ones of a block
+/// walk alone for longer.
 const WALKS: usize = 4;
-/// Successive points in a triangle from which on there is a single walk. At 3 it takes 1.3 times as long
-/// as [`WALKS`] in turn, at 7 and 9 as long, and at 17 0.87 times.
+/// Successive points in a triangle from which on there is a single walk. At 3 points it would take
+/// 1.3 times as long as [`WALKS`] in turn, at 7 and 9 as long, and at 17 it takes 0.87 times.
 const MANY_POINTS: f64 = 7.0;
 /// Steps between points that tell how near they lie to each other.
 const SAMPLE: usize = 64;
-/// Points of a stretch. Shorter ones spend more on their starts; of longer ones a block has too few to
-/// keep all walks going to its end.
+/// Points of a stretch. Shorter ones spend more on their starts; of longer ones a block has too few
+/// to keep all walks going to its end.
 const STRETCH: usize = 512;
 /// Triangles in succession without a point, after which the walk to the next point starts near it.
 /// With fewer, walks start anew that were nearly done; with many more, the way from the end of one
@@ -72,7 +73,8 @@ impl Locator<'_> {
         }
     }
 
-    /// About how many successive points lie in a triangle, by the first of them.
+    /// About how many successive points lie in a triangle, by the first of them. Not a number for
+    /// a single point, which is as good as few.
     fn points_a_triangle(&self, points: &[DVec3]) -> f64 {
         let steps = points.array_windows().take(SAMPLE);
         let count = steps.len();
@@ -143,8 +145,8 @@ impl Locator<'_> {
         walk.patience > 0
     }
 
-    /// Locates the next point by itself, with those behind it that are surely off the panel. False if
-    /// there is none.
+    /// Locates the next point by itself, with those behind it that are surely off the panel. False
+    /// if there is none.
     #[inline(never)]
     fn next_point(&self, walk: &mut PointWalk<'_>) -> bool {
         let Some(point) = walk.points.get(walk.at) else { return false };
