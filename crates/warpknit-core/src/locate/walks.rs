@@ -8,8 +8,8 @@
 //! next triangle lies (`triangle`). A step to the next triangle waits for the one before, some 40
 //! cycles. Where triangles hold few points, that takes most of the time. There the points are cut
 //! into stretches, and [`WALKS`] of them are walked along in turn, a step each: the processor works
-//! at one while it waits for another. Such a step rarely branches on where points lie, since no
-//! processor foretells that.
+//! at one while it waits for another. Such a step branches on where points lie only if it is stuck,
+//! since no processor foretells that.
 //!
 //! Where a walk can't decide, or has gone on without a point, [`Locator::find`] finds the next one.
 
@@ -44,8 +44,6 @@ struct PointWalk<'p> {
     at: usize,
     /// Where it is.
     triangle: u32,
-    /// Whether all points of its last step lay in one triangle.
-    stays: bool,
     /// Triangles that it may still pass without a point.
     patience: usize,
 }
@@ -111,7 +109,7 @@ impl Locator<'_> {
         (points, located): (&'p [DVec3], &'p mut [Option<SurfacePoint>]),
     ) -> PointWalk<'p> {
         let triangle = points.first().map_or(0, |p| self.starts.near(p.truncate()));
-        PointWalk { points, located, at: 0, triangle, stays: false, patience: PATIENCE }
+        PointWalk { points, located, at: 0, triangle, patience: PATIENCE }
     }
 
     /// Locates those of the next four points that lie in the walk's triangle, up to the first that
@@ -120,27 +118,21 @@ impl Locator<'_> {
     #[inline(always)]
     fn step(&self, walk: &mut PointWalk<'_>) -> bool {
         let current = &self.triangles[walk.triangle as usize];
-        let points = walk.points[walk.at..].as_chunks::<LANES>().0;
-        let located = walk.located[walk.at..].as_chunks_mut::<LANES>().0;
-        let mut fours = points.iter().zip(located);
-        let Some((points, mut located)) = fours.next() else { return false };
-        let mut run = current.locate_four(walk.triangle, points, located);
-        // Where triangles are large, a walk that stayed will stay on.
-        while walk.stays && run == LANES {
-            walk.at += LANES;
-            let Some((points, next)) = fours.next() else { return false };
-            located = next;
-            run = current.locate_four(walk.triangle, points, located);
-        }
+        let (points, located) = (&walk.points[walk.at..], &mut walk.located[walk.at..]);
+        let (Some(points), Some(located)) = (points.first_chunk(), located.first_chunk_mut())
+        else {
+            return false;
+        };
+        let run = current.locate_four(walk.triangle, points, located);
         walk.at += run;
-        walk.stays = run == LANES;
+        let stays = run == LANES;
         let Some(SurfacePoint { b, c, .. }) = located[run % LANES] else { return false };
         let side = current.side_of(b, c);
         let across = current.neighbours[side.edge];
-        if !walk.stays & (!side.is_certain | (across == BORDER)) {
+        if !stays & (!side.is_certain | (across == BORDER)) {
             return false;
         }
-        walk.triangle = if walk.stays { walk.triangle } else { across };
+        walk.triangle = if stays { walk.triangle } else { across };
         walk.patience = if run > 0 { PATIENCE } else { walk.patience - 1 };
         walk.patience > 0
     }
