@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use numpy::{PyArrayLike2, PyReadonlyArray2, PyUntypedArrayMethods, TypeMustMatch};
 use pyo3::prelude::*;
 use warpknit::garment::{self, Panel, ReadOptions, Unit};
-use warpknit::locate::overlap::count_covered;
+use warpknit::locate::covered::count_covered;
 use warpknit::pipeline;
 
 use crate::error::{self, GarmentError};

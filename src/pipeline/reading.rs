@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use crate::garment::{Frames, Garment, GarmentError, ReadOptions, read};
-use crate::locate::overlap::count_covered;
+use crate::locate::covered::count_covered;
 
 /// Reads a garment: `flat` and `draped`, or one file whose `vt` are the flat pattern.
 ///

@@ -35,7 +35,7 @@ use warpknit_core::garment::stretch::{
     Percentiles, TriangleStretch, percentiles, stretch, triangle as stretch_of, triangles,
 };
 use warpknit_core::garment::{Garment, GarmentSummary, Panel};
-use warpknit_core::locate::overlap::covered_shares;
+use warpknit_core::locate::covered::covered_shares;
 
 /// Colour of defects on which no stitch can lie. Every eye can distinguish it from both ends of the
 /// colour scale.

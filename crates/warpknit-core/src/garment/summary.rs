@@ -85,7 +85,7 @@ pub struct Loss {
     /// Of pieces that are no panels.
     pub refused: f64,
     /// Of cloth that lies under other cloth of its own panel in the pattern. Reading leaves it 0;
-    /// [`crate::locate::overlap::count_covered`] finds it.
+    /// [`crate::locate::covered::count_covered`] finds it.
     pub covered: f64,
 }
 

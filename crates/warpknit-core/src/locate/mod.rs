@@ -25,6 +25,7 @@
 //! some 0.1 µs a triangle, half of it for the order of triangles in memory, once a garment.
 
 mod bvh;
+pub mod covered;
 pub mod orient2d;
 mod outline;
 pub mod overlap;

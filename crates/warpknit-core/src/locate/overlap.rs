@@ -17,7 +17,6 @@
 //! whole mesh reaches that limit, since its pairs grow with the square of its triangles.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use glam::DVec2;
 use obvhs::aabb::Aabb;
@@ -27,19 +26,19 @@ use rayon::prelude::*;
 use super::bvh::{outer_box, tree, visit_boxes};
 use super::orient2d::cross;
 use super::topology::Topology;
-use crate::garment::{Garment, GarmentError, Panel};
+use crate::garment::{Garment, Panel};
 use crate::ids::index32;
 
 /// Pairs of triangles after which the search ends: a few seconds, and 200 MB if each pair belongs
 /// to two panels of its own. A pattern that lies five deep has some 40 pairs a triangle. A lower
 /// limit would cut off large regular patterns; a higher one lets tiled textures take minutes.
-const MAX_PAIRS: usize = 4_000_000;
+pub(super) const MAX_PAIRS: usize = 4_000_000;
 /// Triangles between two checks of that limit. Each of them may meet all others, as those of a
 /// tiled `vt` do, so larger batches overshoot the limit; smaller ones leave threads idle.
 const BATCH: usize = 32;
 /// Tolerance of areas, as a share of the smaller panel. Panels laid edge to edge overlap by the
 /// rounding of their file, which is less. Larger values hide narrow overlaps.
-const AREA_TOLERANCE: f64 = 1e-6;
+pub(super) const AREA_TOLERANCE: f64 = 1e-6;
 /// Two panels lie in one plane if the cosine between their normals is over the first value, and the
 /// distance of their planes is under the second one, as a share of the larger panel. That is as
 /// flat as a panel must be. Looser values compare panels that lie above each other; tighter ones
@@ -59,11 +58,11 @@ pub struct Overlaps {
 }
 
 /// A triangle at its place in the file, counter-clockwise in its plane's axes.
-struct FlatTriangle {
+pub(super) struct FlatTriangle {
     panel: u32,
     /// Its index in the panel.
-    index: u32,
-    corners: [DVec2; 3],
+    pub(super) index: u32,
+    pub(super) corners: [DVec2; 3],
 }
 
 /// The overlaps of one triangle with those after it.
@@ -75,7 +74,7 @@ struct TriangleOverlaps {
 }
 
 /// Triangles of panels that lie in one plane.
-struct PlaneLayout {
+pub(super) struct PlaneLayout {
     triangles: Vec<FlatTriangle>,
     /// Whether more than one panel is in it.
     shared: bool,
@@ -128,86 +127,9 @@ fn overlaps_among(garment: &Garment, max_pairs: usize) -> Overlaps {
 }
 
 /// Whether each panel covers every point of its plane at most once, as far as its topology says.
-fn embedded(panels: &[Panel]) -> Vec<bool> {
+pub(super) fn embedded(panels: &[Panel]) -> Vec<bool> {
     let panels = panels.par_iter();
     panels.map(|panel| Topology::new(&panel.uv, &panel.triangles).embedded).collect()
-}
-
-/// Counts the cloth that lies under other cloth of its own panel as lost
-/// ([`crate::garment::Loss::covered`]), and warns of it. Of two triangles the one that comes first
-/// in the file takes the stitches. `flat` is the file to name in an error. A place under two others
-/// counts twice, but no triangle loses more than it has. After four million pairs of triangles the
-/// search ends, and the area is a lower bound.
-///
-/// Cost: 60 ns a triangle, and more where there are such.
-///
-/// # Errors
-/// [`GarmentError::Loss`], if the garment loses over [`crate::garment::MOST_LOSS`] with it and that
-/// isn't `allowed`.
-///
-/// ```
-/// # use std::path::Path;
-/// use warpknit_core::{garment::Garment, locate::overlap::count_covered};
-/// let mut garment = Garment::rectangle(10.0, 10.0);
-/// count_covered(&mut garment, Path::new("flat.obj"), false).unwrap();
-/// assert_eq!(garment.summary.loss.covered, 0.0);
-/// ```
-pub fn count_covered(
-    garment: &mut Garment,
-    flat: &Path,
-    allowed: bool,
-) -> Result<(), GarmentError> {
-    let (mut covered, mut first) = (0.0, None);
-    for (number, (panel, shares)) in garment.panels.iter().zip(covered_shares(garment)).enumerate()
-    {
-        let own: f64 = (panel.triangles.iter().zip(&shares))
-            .map(|(triangle, share)| share * draped_area(panel, triangle))
-            .sum();
-        if own > AREA_TOLERANCE * panel.area() {
-            covered += own;
-            first = first.or(Some(number));
-        }
-    }
-    match first {
-        Some(panel) => garment.summary.note_covered(covered, panel, flat, allowed),
-        None => Ok(()),
-    }
-}
-
-/// The share of each triangle, 0 to 1, that lies under other cloth of its own panel: of two
-/// triangles, the one that comes later in the file lies under the other. Nothing is listed for a
-/// panel that surely doesn't lie over itself. [`count_covered`] tells the limits.
-///
-/// ```
-/// use warpknit_core::{garment::Garment, locate::overlap::covered_shares};
-/// assert_eq!(covered_shares(&Garment::rectangle(10.0, 10.0)), [[0.0; 0]]);
-/// ```
-#[must_use]
-pub fn covered_shares(garment: &Garment) -> Vec<Vec<f64>> {
-    let embedded = embedded(&garment.panels);
-    let mut left = Some(MAX_PAIRS);
-    let mut all = vec![Vec::new(); garment.panels.len()];
-    for (number, panel) in garment.panels.iter().enumerate().filter(|(i, _)| !embedded[*i]) {
-        let mut layout = PlaneLayout { triangles: Vec::new(), shared: false };
-        layout.add(panel, number, &panel.uv);
-        let mut shares: Vec<f64> = vec![0.0; panel.triangles.len()];
-        let mut add = |[one, other]: [&FlatTriangle; 2], area| {
-            let faces = [one, other].map(|flat| panel.faces[flat.index as usize]);
-            let under = if faces[0] < faces[1] { other } else { one };
-            let [a, b, c] = under.corners;
-            shares[under.index as usize] += 2.0 * area / cross(a, b, c);
-        };
-        left = left.and_then(|left| layout.measure(&embedded, left, &mut add));
-        shares.iter_mut().for_each(|share| *share = share.min(1.0));
-        all[number] = shares;
-    }
-    all
-}
-
-/// Draped area of a panel's triangle, mm².
-fn draped_area(panel: &Panel, triangle: &[u32; 3]) -> f64 {
-    let [a, b, c] = triangle.map(|vertex| panel.draped[vertex as usize]);
-    0.5 * (b - a).cross(c - a).length()
 }
 
 /// Factor from a panel's own millimetres to those of the layout, in which all panels lie as in the
@@ -263,6 +185,13 @@ fn coplanar(garment: &Garment, one: usize, other: usize) -> bool {
 }
 
 impl PlaneLayout {
+    /// A single panel in its own axes.
+    pub(super) fn of(panel: &Panel, number: usize) -> Self {
+        let mut layout = Self { triangles: Vec::new(), shared: false };
+        layout.add(panel, number, &panel.uv);
+        layout
+    }
+
     /// Adds a panel's triangles. `points` are its vertices in the plane's axes.
     fn add(&mut self, panel: &Panel, number: usize, points: &[DVec2]) {
         self.triangles.extend(panel.triangles.iter().zip(0..).filter_map(|(corners, index)| {
@@ -277,7 +206,7 @@ impl PlaneLayout {
     /// Gives `add` every two of its triangles that overlap, with the area that both cover. Two
     /// triangles of one `embedded` panel are left out. Returns the number of pairs that are left of
     /// `max_pairs`, or none if there were too many.
-    fn measure(
+    pub(super) fn measure(
         &self,
         embedded: &[bool],
         max_pairs: usize,
@@ -452,45 +381,6 @@ mod tests {
         panel.draped.resize(8, DVec3::ZERO);
         let found = overlaps(&garment(vec![panel]));
         assert_eq!(found, Overlaps { within: vec![(0, 2.0)], between: Vec::new(), complete: true });
-    }
-
-    #[test]
-    fn cloth_under_its_own_panel_is_lost() {
-        // A square of side 2, and one of which a quarter lies under it, twice as wide on the body.
-        let square = |low: f64| {
-            let high = low + 2.0;
-            [(low, low), (low, high), (high, low), (high, high)].map(DVec2::from)
-        };
-        let uv = [square(0.0), square(1.0)].concat();
-        let draped: Vec<_> = (uv[..4].iter().map(|p| p.extend(0.0)))
-            .chain(uv[4..].iter().map(|p| DVec3::new(2.0 * p.x, p.y, 9.0)))
-            .collect();
-        let squares = [[0, 2, 3], [0, 3, 1], [4, 6, 7], [4, 7, 5]];
-        let made = || {
-            let mut garment = Garment::from_arrays(&uv, &draped, &squares).unwrap();
-            // One panel, as a strip of a pattern would make it that comes back to itself.
-            let second = garment.panels.remove(1);
-            let first = &mut garment.panels[0];
-            let place = |panel: &Panel, uv: &DVec2| {
-                panel.flat_from_panel.transform_point3(uv.extend(0.0)).truncate()
-            };
-            let moved = first.flat_from_panel.translation.truncate();
-            first.uv.extend(second.uv.iter().map(|uv| place(&second, uv) - moved));
-            first.draped.extend(&second.draped);
-            first.normals.extend(&second.normals);
-            first.triangles.extend(second.triangles.iter().map(|t| t.map(|vertex| vertex + 4)));
-            first.faces.extend(&second.faces);
-            garment
-        };
-        let mut garment = made();
-        let refused = count_covered(&mut garment, Path::new("flat.obj"), false).unwrap_err();
-        let refused = refused.to_string();
-        assert!(refused.contains("16.667 % of the draped area"), "{refused}");
-        assert!(refused.contains("under other cloth of their panel"), "{refused}");
-        let mut garment = made();
-        count_covered(&mut garment, Path::new("flat.obj"), true).unwrap();
-        assert!((garment.summary.loss.covered - 2.0).abs() < 1e-9, "{:?}", garment.summary.loss);
-        assert!(garment.summary.warnings[0].contains("(first panel 0)"));
     }
 
     #[test]

@@ -48,6 +48,17 @@ struct PointWalk<'p> {
     patience: usize,
 }
 
+impl PointWalk<'_> {
+    /// Goes on in a triangle after a step that has located some points. False if too many steps in
+    /// succession have located none.
+    #[inline(always)]
+    fn goes_on_in(&mut self, triangle: u32, located: usize) -> bool {
+        self.triangle = triangle;
+        self.patience = if located > 0 { PATIENCE } else { self.patience - 1 };
+        self.patience > 0
+    }
+}
+
 impl Locator<'_> {
     /// Locates points of a panel that covers no place twice.
     pub(super) fn walk_along(&self, points: &[DVec3], located: &mut [Option<SurfacePoint>]) {
@@ -98,9 +109,7 @@ impl Locator<'_> {
         if current.neighbours[edge] == BORDER {
             return false;
         }
-        walk.triangle = current.neighbours[edge];
-        walk.patience = if run > 0 { PATIENCE } else { walk.patience - 1 };
-        walk.patience > 0
+        walk.goes_on_in(current.neighbours[edge], run)
     }
 
     /// The walk along a stretch, before its first point.
@@ -132,9 +141,7 @@ impl Locator<'_> {
         if !stays & (!side.is_certain | (across == BORDER)) {
             return false;
         }
-        walk.triangle = if stays { walk.triangle } else { across };
-        walk.patience = if run > 0 { PATIENCE } else { walk.patience - 1 };
-        walk.patience > 0
+        walk.goes_on_in(if stays { walk.triangle } else { across }, run)
     }
 
     /// Locates the next point by itself, with those behind it that are surely off the panel. False
