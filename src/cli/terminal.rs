@@ -58,9 +58,13 @@ impl Listener for Terminal {
             Task::Render => "rendering",
             Task::Compress | Task::Write => "writing",
             Task::Relax | Task::Strain => "relaxing",
-            Task::Knit | Task::Index | Task::Locate | Task::Map | Task::Sweep | Task::Surface => {
-                "knitting"
-            }
+            Task::Lay
+            | Task::Knit
+            | Task::Index
+            | Task::Locate
+            | Task::Map
+            | Task::Sweep
+            | Task::Surface => "knitting",
         });
         self.progress(done);
     }

@@ -6,7 +6,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::drape::Stage;
+use crate::drape::{LayTimes, Stage};
 use crate::report::Timings;
 
 /// A part of a run whose time is measured. [`Clock::timings`] maps tasks to the report's keys.
@@ -16,6 +16,8 @@ pub enum Task {
     Read,
     /// The relaxation of one repeat.
     Relax,
+    /// Knitting, locating and mapping, until [`Clock::divide`] gives each its time.
+    Lay,
     /// Data points on the flat fabric.
     Knit,
     /// Building the trees that location searches in.
@@ -45,12 +47,13 @@ pub enum Task {
 }
 
 /// Number of variants of [`Task`].
-const TASKS: usize = 15;
+const TASKS: usize = 16;
 
 impl From<Stage> for Task {
     fn from(stage: Stage) -> Self {
         match stage {
             Stage::Index => Self::Index,
+            Stage::Lay => Self::Lay,
             Stage::Knit => Self::Knit,
             Stage::Locate => Self::Locate,
             Stage::Strain => Self::Strain,
@@ -120,6 +123,15 @@ impl<'a> Clock<'a> {
             self.spent[task as usize] += now - self.lap;
         }
         self.lap = now;
+    }
+
+    /// Divides the time of [`Task::Lay`] among its parts.
+    pub fn divide(&mut self, laying: &LayTimes) {
+        self.stop();
+        let laid = std::mem::take(&mut self.spent[Task::Lay as usize]);
+        for (stage, share) in laying.shares() {
+            self.spent[Task::from(stage) as usize] += laid.mul_f64(share);
+        }
     }
 
     /// The listener of this run.

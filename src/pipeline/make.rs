@@ -197,6 +197,7 @@ impl<'a> Prepared<'a> {
         let radius = wants_clearance(job, &outputs).then_some(setup.section.radius);
         let mut strain = vec![StrainCounts::default(); job.cloth.garment().panels.len()];
         let (totals, draped) = lay(job, (&setup.options, radius), receivers, &mut strain, clock)?;
+        clock.divide(&totals.laying);
         cache.keep(job.cloth);
         let is_in_view = is_only_drawn
             && job.part.is_none()

@@ -198,9 +198,11 @@ impl<'a> PreparedSequence<'a> {
         // regular.
         let is_only_drawn = self.files.all().iter().all(|(_, format)| *format == Format::Png);
         let options = if is_only_drawn { &self.job.options } else { &self.setup.options };
-        LocatedCloth::locate(self.job.cloth, options, &mut |stage, done| {
+        let located = LocatedCloth::locate(self.job.cloth, options, &mut |stage, done| {
             common.begin(Task::from(stage), done);
-        })
+        });
+        common.clock.divide(&located.totals().laying);
+        located
     }
 }
 

@@ -67,6 +67,11 @@ impl Moment {
 }
 
 impl Sample {
+    /// A share of it.
+    fn times(self, share: f64) -> Self {
+        Self { wall: self.wall * share, cpu: self.cpu.map(|cpu| cpu * share) }
+    }
+
     /// The time for ratios, as of [`Times::for_ratio`].
     pub(super) fn for_ratio(self) -> f64 {
         self.cpu.unwrap_or(self.wall)
@@ -189,7 +194,7 @@ impl StageTimes {
 }
 
 /// Runs the pipeline on a cloth, discards its blocks, and measures each stage. A stage lasts until
-/// the next one is announced.
+/// the next one is announced; [`Stage::Lay`] is divided among its parts.
 pub(super) fn time_stages(cloth: &Cloth<'_>, options: &DrapeOptions) -> (StageTimes, Totals) {
     let (mut staged, mut begun) = (StageTimes::default(), None);
     let mut announce = |stage: Stage, _| {
@@ -205,6 +210,10 @@ pub(super) fn time_stages(cloth: &Cloth<'_>, options: &DrapeOptions) -> (StageTi
     let Ok(totals) = drape::run(cloth, options, &mut announce, &mut deliver);
     if let Some((last, start)) = begun {
         staged.0[last as usize] += start.elapsed();
+    }
+    let laid = staged.of_stage(Stage::Lay);
+    for (part, share) in totals.laying.shares() {
+        staged.0[part as usize] += laid.times(share);
     }
     (staged, totals)
 }

@@ -11,6 +11,7 @@ use super::DrapeOptions;
 use super::body::DrapedGarment;
 use super::cloth::{BlockPlan, Cloth};
 use super::evenness::{self, Evenness};
+use super::lay_times::{Lap, LayTimes};
 use super::strands::{CUT, Edge, Strand, Strands};
 #[cfg(doc)]
 use crate::garment::Garment;
@@ -48,6 +49,8 @@ pub struct Block {
     pub(super) is_beside: bool,
     /// The location of each data point of `knitted`.
     pub(super) located: Vec<Option<SurfacePoint>>,
+    /// How long it took to lay.
+    pub(super) times: LayTimes,
 }
 
 /// A yarn of a block.
@@ -74,22 +77,29 @@ impl Block {
         start..end
     }
 
-    /// Knits, locates and maps the planned yarns.
+    /// Knits, locates and maps the planned yarns, while they are in the thread's cache. Without a
+    /// body they aren't mapped.
     pub(super) fn lay(
         &mut self,
         cloth: &Cloth<'_>,
         plan: &BlockPlan,
         locator: &Locator<'_>,
-        body: &DrapedGarment<'_>,
+        body: Option<&DrapedGarment<'_>>,
         options: &DrapeOptions,
     ) {
+        let mut lap = Lap::start();
         self.knit(cloth, plan, options.evenness);
+        self.times.knit = lap.next();
         self.locate(locator, options.edge);
-        self.map(body);
+        self.times.locate = lap.next();
+        if let Some(body) = body {
+            self.map(body);
+        }
+        self.times.map = lap.next();
     }
 
     /// Computes the flat data points of the planned yarns.
-    pub(super) fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan, evenness: Evenness) {
+    fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan, evenness: Evenness) {
         (self.panel, self.bar, self.is_beside) = (plan.panel, plan.bar, plan.is_beside);
         self.origin = cloth.garment.summary.origin;
         self.knitted.clear();
@@ -139,7 +149,7 @@ impl Block {
     }
 
     /// Locates the data points on the panel and clips the yarns at its edge.
-    pub(super) fn locate(&mut self, locator: &Locator<'_>, edge: Edge) {
+    fn locate(&mut self, locator: &Locator<'_>, edge: Edge) {
         locator.locate_into(&self.knitted.points, &mut self.located);
         self.strands.clear();
         for yarn in &self.yarns {

@@ -5,9 +5,10 @@
 //! given tubes. Then its memory is used for a later block. So memory is bounded by a window of
 //! blocks and not by the fabric.
 //!
-//! Method: stages in lockstep over a window. All blocks of a window go through one stage in
-//! parallel before the next stage begins, so each stage can be timed. A yarn depends on no other
-//! yarn, so the result is the same for any number of threads.
+//! Method: a thread knits, locates and maps a block, whose data then stays in its cache, and takes
+//! the next one ([`Stage::Lay`]). All blocks of a window go through each later stage in parallel
+//! before the next one begins. A yarn depends on no other yarn, so the result is the same for any
+//! number of threads.
 //!
 //! Cost: linear in the stitches. Not promised: yarns that know of each other across panels; each
 //! panel is laid out on its own.
@@ -21,6 +22,7 @@ pub mod clearance;
 mod cloth;
 pub mod evenness;
 pub mod fibres;
+mod lay_times;
 mod lengths;
 pub mod seen;
 mod segments;
@@ -39,10 +41,11 @@ pub use block::Block;
 use body::DrapedGarment;
 pub use cloth::{Cloth, LayoutError, MAX_SWEPT_STITCHES, swatch_panel};
 use evenness::Evenness;
+pub use lay_times::LayTimes;
 use strands::{Edge, Losses};
 
 /// Blocks in the window for each thread. With 1, a thread that finishes early waits at the end of
-/// every stage. With many more, a block's data has left the cache before the next stage reads it.
+/// every stage. With many more, a block's data has left the cache before its tubes are made.
 const THREAD_BLOCKS: usize = 4;
 /// The largest number of blocks in the window.
 const MAX_BLOCKS: usize = 64;
@@ -68,18 +71,21 @@ pub struct DrapeOptions {
     pub surface: Option<Section>,
 }
 
-/// The stages that the pipeline announces.
+/// The stages that the pipeline announces, and the parts of [`Stage::Lay`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Building the search structures, once a run.
     Index,
-    /// Data points on the flat fabric.
+    /// Knitting, locating and mapping, block by block. [`Totals::laying`] has the time of each.
+    Lay,
+    /// Data points on the flat fabric. A part of [`Stage::Lay`], never announced.
     Knit,
-    /// The triangle of each data point, and clipping at the panel's edge.
+    /// The triangle of each data point, and clipping at the panel's edge. A part of
+    /// [`Stage::Lay`], never announced.
     Locate,
     /// Solving the repeat for the strains of the garment.
     Strain,
-    /// Draped positions.
+    /// Draped positions: a part of [`Stage::Lay`], and announced for the frames of a sequence.
     Map,
     /// Moving yarns apart on the body.
     Sweep,
@@ -92,7 +98,7 @@ pub enum Stage {
 }
 
 /// Counts of what a run made.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Totals {
     /// Yarns with any part on a panel.
     pub yarns: usize,
@@ -106,6 +112,8 @@ pub struct Totals {
     pub losses: Losses,
     /// Counts of points where the cloth is strained too far.
     pub strain: StrainCounts,
+    /// The time of each part of [`Stage::Lay`].
+    pub laying: LayTimes,
 }
 
 /// Runs the pipeline, and delivers windows of blocks in yarn order.
@@ -155,12 +163,13 @@ fn run_with<E>(
             announce(Stage::Strain, done);
         });
     let (mut strain, mut spare) = (StrainCounts::default(), Vec::new());
-    let mut totals = knit_and_locate(cloth, options, announce, &mut |blocks, announce, done| {
-        strain += map_blocks(blocks, &body, &mut |stage| announce(stage, done));
+    let laid = &mut |blocks: &mut [Block], announce: &mut Announce<'_>, done| {
         let mut announce = |stage| announce(stage, done);
+        strain += settle(blocks, &body, &mut announce);
         look(blocks, &mut announce);
         deliver_blocks(blocks, &mut spare, &cloth.thickness, options, &mut announce, deliver)
-    })?;
+    };
+    let mut totals = lay_blocks(cloth, Some(&body), options, announce, laid)?;
     totals.strain = strain;
     Ok(totals)
 }
@@ -168,16 +177,18 @@ fn run_with<E>(
 /// Called at the start of each stage, with the share of blocks that are done.
 type Announce<'a> = dyn FnMut(Stage, f64) + 'a;
 
-/// Called with the located blocks of a window. It announces the later stages itself; the number is
-/// the share of blocks that are done.
-type TakeLocated<'a, E> = dyn FnMut(&mut [Block], &mut Announce<'_>, f64) -> Result<(), E> + 'a;
+/// Called with the laid blocks of a window. It announces the later stages itself; the number is the
+/// share of blocks that are done.
+type TakeLaid<'a, E> = dyn FnMut(&mut [Block], &mut Announce<'_>, f64) -> Result<(), E> + 'a;
 
-/// Knits and locates all yarns, window by window, and passes each window to `take`.
-fn knit_and_locate<E>(
+/// Knits and locates all yarns, and maps them if there is a body, window by window, and passes each
+/// window to `take`.
+fn lay_blocks<E>(
     cloth: &Cloth<'_>,
+    body: Option<&DrapedGarment<'_>>,
     options: &DrapeOptions,
     announce: &mut Announce<'_>,
-    take: &mut TakeLocated<'_, E>,
+    take: &mut TakeLaid<'_, E>,
 ) -> Result<Totals, E> {
     announce(Stage::Index, 0.0);
     let locators: Vec<_> = cloth.garment.panels.par_iter().map(Locator::new).collect();
@@ -196,13 +207,11 @@ fn knit_and_locate<E>(
         rest = later;
         blocks.resize_with(blocks.len().max(fitting), Block::default);
         let blocks = &mut blocks[..fitting];
-        announce(Stage::Knit, done);
+        announce(Stage::Lay, done);
         blocks
             .par_iter_mut()
             .zip(plans)
-            .for_each(|(block, plan)| block.knit(cloth, plan, options.evenness));
-        announce(Stage::Locate, done);
-        blocks.par_iter_mut().for_each(|block| block.locate(&locators[block.panel], options.edge));
+            .for_each(|(block, plan)| block.lay(cloth, plan, &locators[plan.panel], body, options));
         let own = blocks.iter().filter(|block| !block.is_beside);
         own.for_each(|block| totals.add(block, options.edge));
         take(blocks, announce, done)?;
@@ -210,14 +219,13 @@ fn knit_and_locate<E>(
     Ok(totals)
 }
 
-/// Maps located blocks to the draped garment. Blocks of a swept garment are those of a whole panel.
-fn map_blocks(
+/// Moves the yarns of mapped blocks apart if they are swept, and counts where they are strained too
+/// far. Blocks of a swept garment are those of a whole panel.
+fn settle(
     blocks: &mut [Block],
     body: &DrapedGarment<'_>,
     announce: &mut dyn FnMut(Stage),
 ) -> StrainCounts {
-    announce(Stage::Map);
-    blocks.par_iter_mut().for_each(|block| block.map(body));
     let panel = blocks.first().map_or(0, |block| block.panel);
     if let Some(spans) = body.swept(panel) {
         announce(Stage::Sweep);
@@ -301,6 +309,7 @@ impl Totals {
         self.data_points +=
             strands.sources.iter().filter(|&&source| source != strands::CUT).count();
         self.losses += strands.losses;
+        self.laying += block.times;
         // With `Drop`, stitches at the edge are not drawn, so they don't count as stitches.
         if edge == Edge::Drop {
             self.losses.stitches -= strands.losses.clipped;

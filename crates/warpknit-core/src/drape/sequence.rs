@@ -11,10 +11,12 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::body::DrapedGarment;
 use super::{
-    Announce, Block, Cloth, DrapeOptions, Stage, Totals, deliver_blocks, knit_and_locate,
-    map_blocks, map_window,
+    Announce, Block, Cloth, DrapeOptions, Stage, Totals, deliver_blocks, lay_blocks, map_window,
+    settle,
 };
 use crate::garment::Garment;
 use crate::ids::index32;
@@ -44,7 +46,7 @@ impl LocatedCloth {
     #[must_use]
     pub fn locate(cloth: &Cloth<'_>, options: &DrapeOptions, announce: &mut Announce<'_>) -> Self {
         let mut located = Vec::with_capacity(cloth.blocks());
-        let Ok(totals) = knit_and_locate(cloth, options, announce, &mut |blocks, _, _| {
+        let Ok(totals) = lay_blocks(cloth, None, options, announce, &mut |blocks, _, _| {
             located.extend(blocks.iter().map(Block::located_copy));
             Ok::<(), std::convert::Infallible>(())
         });
@@ -108,7 +110,9 @@ impl LocatedCloth {
             spare.resize_with(spare.len().max(window.len()), Default::default);
             exchange(window, spare);
             let mut announce = |stage| announce(stage, done);
-            strain += map_blocks(window, &body, &mut announce);
+            announce(Stage::Map);
+            window.par_iter_mut().for_each(|block| block.map(&body));
+            strain += settle(window, &body, &mut announce);
             deliver_blocks(window, spare_tubes, thickness, options, &mut announce, deliver)?;
             exchange(window, spare);
         }

@@ -54,7 +54,7 @@ impl<'a> RelaidYarns<'a> {
         blocks.resize_with(self.measure.radii.len(), Block::default);
         for (bar, block) in blocks.iter_mut().enumerate() {
             let (plan, locator) = (self.plan(patch, bar), &self.locators[patch.panel]);
-            block.lay(self.measure.cloth, &plan, locator, &self.body, &self.options);
+            block.lay(self.measure.cloth, &plan, locator, Some(&self.body), &self.options);
             for strand in &block.strands.strands {
                 let spans = whole_stitches(&block.strands, strand);
                 self.measure.add_arcs(block, strand, spans, &patch.area, place);
