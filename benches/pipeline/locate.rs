@@ -1,5 +1,5 @@
 //! Benchmarks of location, and of location with mapping: from a shuffled mesh to the triangle and
-//! the draped position of every point; and of the stages of a drape that do the same.
+//! the draped position of every point; and of the parts of a drape that do the same.
 //!
 //! `WARPKNIT_DRAPE_INPUTS=FOLDER` also writes the skirt's panels and the points of these drapes for
 //! another program, in the files that PEER_INPUTS names.
@@ -112,8 +112,8 @@ const SMOOTH: DrapeOptions = DrapeOptions {
 /// Stitches of the skirt in the drapes whose stages are timed.
 const STITCHES: [(&str, f64); 3] = [("26180", 26_180.0), ("262k", 262e3), ("1m", 1e6)];
 
-/// Benchmarks of the stages of a drape from flat points to located strands, and on to the body. All
-/// points count that are located, also those off the panel.
+/// Benchmarks of the parts of a drape from flat points to located strands, and on to the body, with
+/// the search structures. All points count that are located, also those off the panel.
 fn stages(criterion: &mut Criterion<CpuTime>) {
     let garment = skirt();
     for (name, timed) in [

@@ -10,6 +10,7 @@ use warpknit::drape::{self, Cloth, LayoutError, Totals};
 use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::{isometry, stretch};
 use warpknit::garment::{Garment, Panel};
+use warpknit::locate::covered::count_covered;
 use warpknit::locate::overlap::overlaps;
 use warpknit::map::Mapping;
 use warpknit::yarn::tube::Section;
@@ -94,7 +95,12 @@ pub fn use_garment(garment: &Garment) {
     for panel in &garment.panels {
         check_panel(panel);
     }
-    garment.summary.warnings.iter().for_each(one_line);
+    let mut counted = garment.clone();
+    if let Err(error) = count_covered(&mut counted, Path::new("flat.obj"), false) {
+        one_line(&error);
+    }
+    counted.summary.warnings.iter().for_each(one_line);
+    counted.summary.all_notes().iter().for_each(one_line);
     let _inspected = (isometry(&garment.panels), overlaps(garment));
     // Some ten wales and courses of the largest panel.
     let side = garment.panels.iter().map(|panel| panel.size().max_element()).fold(0.0, f64::max);

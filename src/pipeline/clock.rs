@@ -125,9 +125,8 @@ impl<'a> Clock<'a> {
         self.lap = now;
     }
 
-    /// Divides the time of [`Task::Lay`] among its parts.
+    /// Divides the time of [`Task::Lay`], which has ended, among its parts.
     pub fn divide(&mut self, laying: &LayTimes) {
-        self.stop();
         let laid = std::mem::take(&mut self.spent[Task::Lay as usize]);
         for (stage, share) in laying.shares() {
             self.spent[Task::from(stage) as usize] += laid.mul_f64(share);
@@ -171,5 +170,23 @@ impl<'a> Clock<'a> {
             total: 1000.0 * self.start.elapsed().as_secs_f64(),
             clearance: self.spent(Task::Clearance),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_of_laying_is_divided_among_its_parts() {
+        let mut clock = Clock::start(&());
+        clock.begin(Task::Lay, 0.0);
+        clock.stop();
+        clock.spent[Task::Lay as usize] = Duration::from_millis(80);
+        let [knit, locate, map] = [1, 2, 1].map(Duration::from_millis);
+        clock.divide(&LayTimes { knit, locate, map });
+        let timings = clock.timings();
+        assert_eq!([timings.knit, timings.locate, timings.map], [20.0, 40.0, 20.0]);
+        assert_eq!(clock.spent(Task::Lay), 0.0);
     }
 }

@@ -197,7 +197,6 @@ impl<'a> Prepared<'a> {
         let radius = wants_clearance(job, &outputs).then_some(setup.section.radius);
         let mut strain = vec![StrainCounts::default(); job.cloth.garment().panels.len()];
         let (totals, draped) = lay(job, (&setup.options, radius), receivers, &mut strain, clock)?;
-        clock.divide(&totals.laying);
         cache.keep(job.cloth);
         let is_in_view = is_only_drawn
             && job.part.is_none()
@@ -209,6 +208,7 @@ impl<'a> Prepared<'a> {
         all.messages.warn(loss_warning(&totals), clock);
         all.messages.warn(locked_warning(&strain, job.cloth.garment()), clock);
         clock.begin(Task::Write, 1.0);
+        clock.divide(&totals.laying);
         all.files.extend(finished(sinks)?);
         if let Some((drawn, scene)) = &mut pictures {
             edges::add_threads(scene, job.threads);

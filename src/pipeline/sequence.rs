@@ -201,6 +201,7 @@ impl<'a> PreparedSequence<'a> {
         let located = LocatedCloth::locate(self.job.cloth, options, &mut |stage, done| {
             common.begin(Task::from(stage), done);
         });
+        common.clock.stop();
         common.clock.divide(&located.totals().laying);
         located
     }

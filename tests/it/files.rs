@@ -489,3 +489,47 @@ fn the_report_has_the_contracts_keys_in_their_order() {
         cloth mass_g_m2 yarn_length_m run_in_mm_per_rack loop_width_mm thickness_mm cover_factor porosity stretch_warp stretch_weft";
     assert_eq!(keys, contract.split_whitespace().collect::<Vec<_>>());
 }
+
+#[test]
+fn flat_coordinates_of_a_csv_lead_back_to_the_file() {
+    // Two flat squares of 100 mm. The pattern has the first in units of 10 mm, and the second
+    // mirrored, in units of 5 mm.
+    let folder = tempfile::tempdir().unwrap();
+    let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+    let mut text = String::new();
+    for (left, u, side) in [(0.0, 0.0, 10.0_f64), (200.0, 60.0, -20.0)] {
+        for (x, y) in corners {
+            let (draped, v) = (left + 100.0 * x, side.abs() * y);
+            text += &format!("v {draped} {} 0\nvt {} {v}\n", 100.0 * y, u + side * x);
+        }
+    }
+    text += "f 1/1 2/2 3/3 4/4\nf 5/5 6/6 7/7 8/8\n";
+    std::fs::write(folder.path().join("two.obj"), text).unwrap();
+    let arguments = ["--unit", "mm", "--wales-per-cm", "1", "--mapping", "frame"];
+    let mut command = crate::cli::warpknit(folder.path());
+    let outputs = ["-o", "two.csv", "-o", "report.json"];
+    command.args(["drape", "two.obj"]).args(arguments).args(outputs).assert().success();
+    let report = std::fs::read(folder.path().join("report.json")).unwrap();
+    let report: Value = serde_json::from_slice(&report).unwrap();
+    let panels = report["panels"].as_array().unwrap();
+    assert_eq!(panels.iter().map(|panel| &panel["mirrored"]).collect::<Vec<_>>(), [false, true]);
+    let rows = std::fs::read_to_string(folder.path().join("two.csv")).unwrap();
+    let mut counts = [0, 0];
+    for row in rows.lines().skip(1) {
+        let row: Vec<&str> = row.split(',').collect();
+        let number = |at: usize| row[at].parse::<f64>().unwrap();
+        let panel: usize = row[0].parse().unwrap();
+        let scale = panels[panel]["scale_mm"].as_f64().unwrap();
+        let (u, v) = (number(8) / scale, number(9) / scale);
+        // Where the file has this place on the body, and its height over the technical face.
+        let expected = match panel {
+            0 => [10.0 * u, 10.0 * v, number(10)],
+            _ => [200.0 + 5.0 * (60.0 - u), 5.0 * v, -number(10)],
+        };
+        let draped = [11, 12, 13].map(number);
+        let off = expected.iter().zip(draped).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-3, "{row:?}: {expected:?}");
+        counts[panel] += 1;
+    }
+    assert!(counts.iter().all(|count| *count > 500), "{counts:?}");
+}

@@ -68,7 +68,8 @@ pub(super) fn growth(
     let (st, sr) = SECTION;
     let stages = format!(
         "lay out: the relaxed repeat and the plan of its yarns. index: what location searches in. \
-         surface: tubes of St {st}, Sr {sr}, streamed."
+         knit, locate, map: one after the other for each block of yarns; their common time is \
+         shared out as each took of it. surface: tubes of St {st}, Sr {sr}, streamed."
     );
     let note = "A row of one run, beyond 100 000 stitches or triangles, has none before it that \
                 warms up. Memory: the most that was held during the row, and what is held after \

@@ -252,6 +252,7 @@ impl ClothSource {
             let options = DrapeOptions { evenness: self.evenness, ..self.placement.into() };
             drape::run(cloth, &options, &mut announce, &mut deliver)
         };
+        clock.stop();
         let Ok(totals) = totals else { return Ok(None) };
         clock.divide(&totals.laying);
         check_laid(&totals)?;

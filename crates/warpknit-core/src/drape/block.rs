@@ -1,7 +1,7 @@
 //! A block: consecutive yarns of one bar on one panel, on their way through the stages.
 //!
 //! In: a plan of yarns. Out: their flat data points, the strands on the panel, draped points and
-//! tubes, each made by a stage of its own in memory that a later block uses again.
+//! tubes, in memory that a later block uses again.
 
 use std::ops::Range;
 
@@ -77,8 +77,7 @@ impl Block {
         start..end
     }
 
-    /// Knits, locates and maps the planned yarns, while they are in the thread's cache. Without a
-    /// body they aren't mapped.
+    /// Knits, locates and maps the planned yarns. Without a body they aren't mapped.
     pub(super) fn lay(
         &mut self,
         cloth: &Cloth<'_>,
@@ -89,13 +88,13 @@ impl Block {
     ) {
         let mut lap = Lap::start();
         self.knit(cloth, plan, options.evenness);
-        self.times.knit = lap.next();
+        self.times.knit = lap.split();
         self.locate(locator, options.edge);
-        self.times.locate = lap.next();
+        self.times.locate = lap.split();
         if let Some(body) = body {
             self.map(body);
         }
-        self.times.map = lap.next();
+        self.times.map = lap.split();
     }
 
     /// Computes the flat data points of the planned yarns.

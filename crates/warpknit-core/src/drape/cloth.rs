@@ -23,8 +23,8 @@ use crate::map::Mapping;
 use crate::tile::Tile;
 
 /// Stitches after which a block ends. Much smaller blocks would cost more in scheduling than in
-/// work; much larger ones would not stay in a core's cache between stages, and would divide a small
-/// fabric among too few threads.
+/// work; much larger ones would not stay in a core's cache from knitting to mapping, and would
+/// divide a small fabric among too few threads.
 pub(super) const BLOCK_STITCHES: usize = 512;
 /// The largest number of wales or courses of a panel. A garment at true gauge has some thousand, so
 /// a larger panel is one in the wrong unit, and planning it would take all memory.

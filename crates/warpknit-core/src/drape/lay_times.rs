@@ -1,17 +1,17 @@
 //! The times of the parts of [`Stage::Lay`], in which a block is knitted, located and mapped before
 //! its thread takes the next one.
 //!
-//! In: the same moments of all blocks. Out: [`LayTimes`], by which a program divides the time that
-//! it measured for the whole stage. Blocks run beside each other, so the parts have no wall time of
-//! their own.
+//! In: the moments between a block's parts. Out: [`LayTimes`], by which a program divides the time
+//! that it measured for the whole stage. Blocks run beside each other, so the parts have no wall
+//! time of their own. The pipeline itself does nothing with them.
 
 use std::ops::AddAssign;
 use std::time::{Duration, Instant};
 
 use super::Stage;
 
-/// The time of each part of [`Stage::Lay`], summed over blocks. Zero where the system has no clock,
-/// as in a browser.
+/// The time of each part of [`Stage::Lay`], summed over all blocks. Zero where the system has no
+/// clock, as in a browser.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LayTimes {
     /// Data points on the flat fabric.
@@ -23,7 +23,8 @@ pub struct LayTimes {
 }
 
 impl LayTimes {
-    /// Each part with its share of the whole, 0 to 1.
+    /// Each part with its share of the whole, 0 to 1. Without times all of it is knitting, so that
+    /// nothing is lost.
     ///
     /// ```
     /// use std::time::Duration;
@@ -35,9 +36,14 @@ impl LayTimes {
     #[must_use]
     pub fn shares(&self) -> [(Stage, f64); 3] {
         let Self { knit, locate, map } = *self;
-        let whole = (knit + locate + map).as_secs_f64().max(f64::MIN_POSITIVE);
-        [(Stage::Knit, knit), (Stage::Locate, locate), (Stage::Map, map)]
-            .map(|(stage, time)| (stage, time.as_secs_f64() / whole))
+        let whole = (knit + locate + map).as_secs_f64();
+        let share = |time: Duration| if whole > 0.0 { time.as_secs_f64() / whole } else { 0.0 };
+        let others = [share(locate), share(map)];
+        [
+            (Stage::Knit, 1.0 - others[0] - others[1]),
+            (Stage::Locate, others[0]),
+            (Stage::Map, others[1]),
+        ]
     }
 }
 
@@ -49,18 +55,30 @@ impl AddAssign for LayTimes {
     }
 }
 
-/// Measures parts of a block's time, one after the other.
+/// A stopwatch for the parts of a block's time.
 pub(super) struct Lap(Option<Instant>);
 
 impl Lap {
     pub(super) fn start() -> Self {
-        Self((!cfg!(target_family = "wasm")).then(Instant::now))
+        let has_clock = !cfg!(all(target_arch = "wasm32", target_os = "unknown"));
+        Self(has_clock.then(Instant::now))
     }
 
     /// The time since the start or since the last call.
-    pub(super) fn next(&mut self) -> Duration {
+    pub(super) fn split(&mut self) -> Duration {
         let Some(before) = self.0 else { return Duration::ZERO };
         let now = *self.0.insert(Instant::now());
         now - before
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_a_clock_nothing_is_lost() {
+        assert_eq!(LayTimes::default().shares().map(|(_, share)| share), [1.0, 0.0, 0.0]);
+        assert_eq!(Lap(None).split(), Duration::ZERO);
     }
 }

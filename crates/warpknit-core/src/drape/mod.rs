@@ -5,9 +5,9 @@
 //! given tubes. Then its memory is used for a later block. So memory is bounded by a window of
 //! blocks and not by the fabric.
 //!
-//! Method: a thread knits, locates and maps a block, whose data then stays in its cache, and takes
-//! the next one ([`Stage::Lay`]). All blocks of a window go through each later stage in parallel
-//! before the next one begins. A yarn depends on no other yarn, so the result is the same for any
+//! Method: a thread knits, locates and maps a block, whose points are then still in its cache, and
+//! takes the next one ([`Stage::Lay`]). All blocks of a window go through each later stage in
+//! parallel before the next one begins. A yarn depends on no other yarn, so the result is the same for any
 //! number of threads.
 //!
 //! Cost: linear in the stitches. Not promised: yarns that know of each other across panels; each
@@ -163,13 +163,13 @@ fn run_with<E>(
             announce(Stage::Strain, done);
         });
     let (mut strain, mut spare) = (StrainCounts::default(), Vec::new());
-    let laid = &mut |blocks: &mut [Block], announce: &mut Announce<'_>, done| {
+    let take = &mut |blocks: &mut [Block], announce: &mut Announce<'_>, done| {
         let mut announce = |stage| announce(stage, done);
-        strain += settle(blocks, &body, &mut announce);
+        strain += sweep_and_count(blocks, &body, &mut announce);
         look(blocks, &mut announce);
         deliver_blocks(blocks, &mut spare, &cloth.thickness, options, &mut announce, deliver)
     };
-    let mut totals = lay_blocks(cloth, Some(&body), options, announce, laid)?;
+    let mut totals = lay_blocks(cloth, Some(&body), options, announce, take)?;
     totals.strain = strain;
     Ok(totals)
 }
@@ -212,6 +212,7 @@ fn lay_blocks<E>(
             .par_iter_mut()
             .zip(plans)
             .for_each(|(block, plan)| block.lay(cloth, plan, &locators[plan.panel], body, options));
+        blocks.iter().for_each(|block| totals.laying += block.times);
         let own = blocks.iter().filter(|block| !block.is_beside);
         own.for_each(|block| totals.add(block, options.edge));
         take(blocks, announce, done)?;
@@ -221,7 +222,7 @@ fn lay_blocks<E>(
 
 /// Moves the yarns of mapped blocks apart if they are swept, and counts where they are strained too
 /// far. Blocks of a swept garment are those of a whole panel.
-fn settle(
+fn sweep_and_count(
     blocks: &mut [Block],
     body: &DrapedGarment<'_>,
     announce: &mut dyn FnMut(Stage),
@@ -309,7 +310,6 @@ impl Totals {
         self.data_points +=
             strands.sources.iter().filter(|&&source| source != strands::CUT).count();
         self.losses += strands.losses;
-        self.laying += block.times;
         // With `Drop`, stitches at the edge are not drawn, so they don't count as stitches.
         if edge == Edge::Drop {
             self.losses.stitches -= strands.losses.clipped;

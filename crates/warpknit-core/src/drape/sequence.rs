@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::body::DrapedGarment;
 use super::{
     Announce, Block, Cloth, DrapeOptions, Stage, Totals, deliver_blocks, lay_blocks, map_window,
-    settle,
+    sweep_and_count,
 };
 use crate::garment::Garment;
 use crate::ids::index32;
@@ -112,7 +112,7 @@ impl LocatedCloth {
             let mut announce = |stage| announce(stage, done);
             announce(Stage::Map);
             window.par_iter_mut().for_each(|block| block.map(&body));
-            strain += settle(window, &body, &mut announce);
+            strain += sweep_and_count(window, &body, &mut announce);
             deliver_blocks(window, spare_tubes, thickness, options, &mut announce, deliver)?;
             exchange(window, spare);
         }

@@ -191,25 +191,17 @@ pub enum GarmentError {
     },
     /// Too much of the garment can't be knitted.
     #[error(
-        "{}: {what}; over {} % is refused: lay these faces {} in the pattern{} and export it again, \
-         or give --allow-loss",
+        "{}: {what}; over {} % is refused: {remedy}, or give --allow-loss",
         one_line(.path),
-        100.0 * super::MOST_LOSS,
-        if *.is_covered { "apart" } else { "flat and apart" },
-        if *.is_covered {
-            " (`warpknit inspect GARMENT -o sheet.svg` marks them)"
-        } else {
-            " (`warpknit inspect GARMENT -o sheet.svg` shows which lie flat, and marks the flipped \
-             and covered ones)"
-        }
+        100.0 * super::MOST_LOSS
     )]
     Loss {
         /// The file with the flat pattern.
         path: PathBuf,
         /// The area, its share and the reasons.
         what: String,
-        /// Whether all of it lies under other cloth of its panel.
-        is_covered: bool,
+        /// What to do about it.
+        remedy: String,
     },
     /// An option has a number out of its range.
     #[error("{option} is {value}, but must be {must}")]

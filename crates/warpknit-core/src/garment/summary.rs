@@ -96,6 +96,27 @@ impl Loss {
         self.flipped + self.degenerate + self.untextured + self.refused + self.covered
     }
 
+    /// What to do about it, for messages.
+    fn remedy(self) -> String {
+        let laid_badly = self.flipped + self.degenerate + self.refused;
+        let mut steps = Vec::new();
+        if laid_badly > 0.0 {
+            steps.push("lay these faces flat and apart in the pattern");
+        } else if self.covered > 0.0 {
+            steps.push("lay these faces apart in the pattern");
+        }
+        steps.push(if self.untextured > 0.0 {
+            "export it again with texture coordinates for all faces"
+        } else {
+            "export it again"
+        });
+        format!(
+            "{} (`warpknit inspect GARMENT -o sheet.svg` marks flipped and covered faces, and \
+             leaves out those that don't lie flat)",
+            steps.join(" and ")
+        )
+    }
+
     /// The reasons with their areas, in one line.
     fn reasons(self) -> String {
         let reasons = [
@@ -320,11 +341,7 @@ impl GarmentSummary {
             return Ok(());
         }
         self.check_loss(flat, allowed)?;
-        self.warnings.push(format!(
-            "{}; lay these faces flat in the pattern and export it again \
-             (`warpknit inspect GARMENT -o sheet.svg` shows which lie flat, and marks the flipped and covered ones)",
-            self.what_is_lost()
-        ));
+        self.warnings.push(format!("{}; {}", self.what_is_lost(), loss.remedy()));
         Ok(())
     }
 
@@ -366,8 +383,7 @@ impl GarmentSummary {
     fn check_loss(&self, flat: &Path, allowed: bool) -> Result<(), GarmentError> {
         if self.loss.total() > MOST_LOSS * self.draped_mm2 && !allowed {
             let (path, what) = (flat.to_path_buf(), self.what_is_lost());
-            let is_covered = self.loss.total() == self.loss.covered;
-            return Err(GarmentError::Loss { path, what, is_covered });
+            return Err(GarmentError::Loss { path, what, remedy: self.loss.remedy() });
         }
         Ok(())
     }
