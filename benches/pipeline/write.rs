@@ -16,8 +16,8 @@ use super::inputs::{area, section, skirt, tricot_for};
 
 /// Blocks that a writer gets at once, as from [`drape::run`] with two threads.
 const WINDOW: usize = 8;
-/// Bytes of a `.glb` for each vertex, its share of the triangles included.
-const GLB_BYTES: usize = 24;
+/// Bytes of a `.glb` for each vertex of the tubes, its share of the triangles included.
+const GLB_BYTES: usize = 20;
 
 /// The tubes of a cloth, in blocks.
 fn tubes(cloth: &Cloth<'_>, section: Section) -> Vec<Block> {

@@ -511,6 +511,9 @@ fn flat_coordinates_of_a_csv_lead_back_to_the_file() {
     command.args(["drape", "two.obj"]).args(arguments).args(outputs).assert().success();
     let report = std::fs::read(folder.path().join("report.json")).unwrap();
     let report: Value = serde_json::from_slice(&report).unwrap();
+    for stage in ["knit", "locate", "map"] {
+        assert!(report["timings_ms"][stage].as_f64() > Some(0.0), "{stage}");
+    }
     let panels = report["panels"].as_array().unwrap();
     assert_eq!(panels.iter().map(|panel| &panel["mirrored"]).collect::<Vec<_>>(), [false, true]);
     let rows = std::fs::read_to_string(folder.path().join("two.csv")).unwrap();

@@ -5,10 +5,9 @@
 //! given tubes. Then its memory is used for a later block. So memory is bounded by a window of
 //! blocks and not by the fabric.
 //!
-//! Method: each thread knits, locates and maps a block, in memory that its cache has held since the
-//! block before ([`Stage::Lay`]). All blocks of a window go through each later stage in
-//! parallel before the next one begins. A yarn depends on no other yarn, so the result is the same for any
-//! number of threads.
+//! Method: a thread knits, locates and maps a block before it takes the next one ([`Stage::Lay`]).
+//! All blocks of a window go through each later stage in parallel before the next one begins. A yarn
+//! depends on no other yarn, so the result is the same for any number of threads.
 //!
 //! Cost: linear in the stitches. Not promised: yarns that know of each other across panels; each
 //! panel is laid out on its own.
@@ -44,10 +43,10 @@ use evenness::Evenness;
 pub use lay_times::LayTimes;
 use strands::{Edge, Losses};
 
-/// Blocks in the window for each thread. With one, the next window finds their memory in the core's
-/// own cache (some 1.3 MB); with four, laying takes 1.1 to 1.3 times as long. Threads wait for each
-/// other at a window's end, for a short time, since blocks are of like size.
-const THREAD_BLOCKS: usize = 1;
+/// Blocks in the window for each thread. With 1, a thread that finishes early waits at the end of
+/// every window, and no file can be written while the next bytes of it are made. With many more, a
+/// block's data has left the cache before its tubes are made.
+const THREAD_BLOCKS: usize = 4;
 /// The largest number of blocks in the window.
 const MAX_BLOCKS: usize = 64;
 /// Memory of the window, bytes. A window holds at least one block, and a block at least one yarn,

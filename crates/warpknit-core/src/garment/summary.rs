@@ -98,22 +98,19 @@ impl Loss {
 
     /// What to do about it, for messages.
     fn remedy(self) -> String {
-        let laid_badly = self.flipped + self.degenerate + self.refused;
-        let mut steps = Vec::new();
-        if laid_badly > 0.0 {
-            steps.push("lay these faces flat and apart in the pattern");
-        } else if self.covered > 0.0 {
-            steps.push("lay these faces apart in the pattern");
-        }
-        steps.push(if self.untextured > 0.0 {
+        let export = if self.untextured > 0.0 {
             "export it again with texture coordinates for all faces"
         } else {
             "export it again"
-        });
+        };
+        let is_laid_badly = self.flipped + self.degenerate + self.refused > 0.0;
+        if !is_laid_badly && self.covered == 0.0 {
+            return export.to_owned();
+        }
         format!(
-            "{} (`warpknit inspect GARMENT -o sheet.svg` marks flipped and covered faces, and \
-             leaves out those that don't lie flat)",
-            steps.join(" and ")
+            "lay these faces {} in the pattern and {export} (`warpknit inspect GARMENT -o \
+             sheet.svg` marks flipped and covered faces, and leaves out those that don't lie flat)",
+            if is_laid_badly { "flat and apart" } else { "apart" }
         )
     }
 
