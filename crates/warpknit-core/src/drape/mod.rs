@@ -6,8 +6,8 @@
 //! blocks and not by the fabric.
 //!
 //! Method: a thread knits, locates and maps a block before it takes the next one ([`Stage::Lay`]).
-//! All blocks of a window go through each later stage in parallel before the next one begins. A yarn
-//! depends on no other yarn, so the result is the same for any number of threads.
+//! All blocks of a window go through each later stage in parallel before the next one begins. A
+//! yarn depends on no other yarn, so the result is the same for any number of threads.
 //!
 //! Cost: linear in the stitches. Not promised: yarns that know of each other across panels; each
 //! panel is laid out on its own.
