@@ -40,7 +40,8 @@ impl LayTimes {
         let share = |time: Duration| if whole > 0.0 { time.as_secs_f64() / whole } else { 0.0 };
         let others = [share(locate), share(map)];
         [
-            (Stage::Knit, 1.0 - others[0] - others[1]),
+            // Rounding may make the others a little more than the whole.
+            (Stage::Knit, (1.0 - others[0] - others[1]).max(0.0)),
             (Stage::Locate, others[0]),
             (Stage::Map, others[1]),
         ]
@@ -80,5 +81,14 @@ mod tests {
     fn without_a_clock_nothing_is_lost() {
         assert_eq!(LayTimes::default().shares().map(|(_, share)| share), [1.0, 0.0, 0.0]);
         assert_eq!(Lap(None).split(), Duration::ZERO);
+    }
+
+    #[test]
+    fn no_share_is_negative() {
+        for (locate, map) in (1..60).flat_map(|locate| (1..60).map(move |map| (locate, map))) {
+            let [locate, map] = [locate, map].map(Duration::from_nanos);
+            let shares = LayTimes { knit: Duration::ZERO, locate, map }.shares();
+            assert!(shares.iter().all(|(_, share)| *share >= 0.0), "{shares:?}");
+        }
     }
 }
