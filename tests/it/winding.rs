@@ -506,7 +506,7 @@ fn cloth_under_its_own_panel_is_lost() {
         refused.contains("16.667 % of the draped area")
             && refused.contains("lay these faces apart")
     );
-    assert!(refused.contains("sheet.svg` marks"), "{refused}");
+    assert!(refused.contains("sheet.svg` marks them"), "{refused}");
     let allowed = ReadOptions { allow_loss: true, ..options() };
     let garment = read_garment(&path, None, &allowed).unwrap();
     let sheet = Drawing::from_garment("spiral", &garment);

@@ -36,15 +36,12 @@ impl LayTimes {
     #[must_use]
     pub fn shares(&self) -> [(Stage, f64); 3] {
         let Self { knit, locate, map } = *self;
-        let whole = (knit + locate + map).as_secs_f64();
-        let share = |time: Duration| if whole > 0.0 { time.as_secs_f64() / whole } else { 0.0 };
-        let others = [share(locate), share(map)];
-        [
-            // Rounding may make the others a little more than the whole.
-            (Stage::Knit, (1.0 - others[0] - others[1]).max(0.0)),
-            (Stage::Locate, others[0]),
-            (Stage::Map, others[1]),
-        ]
+        let whole = knit + locate + map;
+        if whole.is_zero() {
+            return [(Stage::Knit, 1.0), (Stage::Locate, 0.0), (Stage::Map, 0.0)];
+        }
+        [(Stage::Knit, knit), (Stage::Locate, locate), (Stage::Map, map)]
+            .map(|(stage, time)| (stage, time.div_duration_f64(whole)))
     }
 }
 

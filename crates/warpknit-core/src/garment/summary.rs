@@ -103,14 +103,16 @@ impl Loss {
         } else {
             "export it again"
         };
-        let is_laid_badly = self.flipped + self.degenerate + self.refused > 0.0;
-        if !is_laid_badly && self.covered == 0.0 {
+        let (how, sheet) = if self.flipped + self.degenerate + self.refused > 0.0 {
+            ("flat and apart", "shows which lie flat, and marks the flipped and covered ones")
+        } else if self.covered > 0.0 {
+            ("apart", "marks them")
+        } else {
             return export.to_owned();
-        }
+        };
         format!(
-            "lay these faces {} in the pattern and {export} (`warpknit inspect GARMENT -o \
-             sheet.svg` marks flipped and covered faces, and leaves out those that don't lie flat)",
-            if is_laid_badly { "flat and apart" } else { "apart" }
+            "lay these faces {how} in the pattern and {export} \
+             (`warpknit inspect GARMENT -o sheet.svg` {sheet})"
         )
     }
 
