@@ -55,16 +55,17 @@ locate() {
     done
 }
 
-# The locate stage of a drape: it also follows yarns from point to point and cuts them at edges. Embree searches the same points.
+# The locate stage of a drape, and that with mapping: it also follows yarns from point to point and cuts them at edges. Embree searches the same points.
 drape() {
     [ -x "$peers/embree_locate" ] || { left_out Embree embree_locate; return; }
-    heading "drape, locate stage, ms" "Embree x16"
+    heading "drape, ms" "Embree x16"
     export WARPKNIT_DRAPE_INPUTS=$scratch/drape
     mkdir "$WARPKNIT_DRAPE_INPUTS"
     for size in 26180 262k 1m; do
-        own=$(bench "drape, locate stage/$size")
+        read -r own both < <(bench "drape, locate.*/$size" | xargs)
         other=$("$peers/embree_locate" "$WARPKNIT_DRAPE_INPUTS" skirt "skirt_$size" | field total_ms)
-        row "$size stitches" "$own" "$other"
+        row "$size stitches, locate stage" "$own" "$other"
+        row "$size stitches, with map" "$both" "$other"
     done
     unset WARPKNIT_DRAPE_INPUTS
 }

@@ -15,7 +15,7 @@ use super::cpu::CpuTime;
 use super::inputs::{area, section, skirt, tricot_for};
 
 /// Blocks that a writer gets at once, as from [`drape::run`] with two threads.
-const WINDOW: usize = 8;
+const WINDOW: usize = 2;
 /// Bytes of a `.glb` for each vertex of the tubes, its share of the triangles included.
 const GLB_BYTES: usize = 20;
 

@@ -53,14 +53,11 @@ impl fmt::Write for Buffer {
     }
 }
 
-/// Makes bytes of items in parallel and writes them in order: a pipeline of two stages with double
-/// buffering. While one thread writes a batch, one item a thread, the others make the next batch.
+/// Makes bytes of items in parallel, one item a thread, and writes them in order.
 #[derive(Debug, Default)]
 pub(super) struct Conveyor {
-    /// The batch that is being written.
-    ready: Vec<Buffer>,
-    /// The batch that is being made.
-    next: Vec<Buffer>,
+    /// They keep their memory: after the first items nothing is allocated.
+    buffers: Vec<Buffer>,
 }
 
 impl Conveyor {
@@ -72,28 +69,17 @@ impl Conveyor {
         &mut self,
         items: &[T],
         make: impl Fn(&T, &mut Buffer) + Sync,
-        mut write: impl FnMut(&[u8]) -> Result<(), ExportError> + Send,
+        mut write: impl FnMut(&[u8]) -> Result<(), ExportError>,
     ) -> Result<(), ExportError> {
         let threads = rayon::current_num_threads();
-        self.ready.resize_with(threads, Buffer::default);
-        self.next.resize_with(threads, Buffer::default);
-        let mut made = 0;
-        // The empty batch at the end makes nothing, while the last full one is written.
-        for items in items.chunks(threads).chain([&[][..]]) {
-            let (ready, next) = (&self.ready[..made], &mut self.next);
-            let (written, ()) = rayon::join(
-                || ready.iter().try_for_each(|buffer| write(buffer.as_bytes())),
-                || {
-                    items.par_iter().zip(next).for_each(|(item, buffer)| {
-                        buffer.clear();
-                        make(item, buffer);
-                    });
-                },
-            );
-            written?;
-            // Buffers keep their memory: after the first blocks nothing is allocated.
-            std::mem::swap(&mut self.ready, &mut self.next);
-            made = items.len();
+        self.buffers.resize_with(threads, Buffer::default);
+        for items in items.chunks(threads) {
+            items.par_iter().zip(&mut self.buffers).for_each(|(item, buffer)| {
+                buffer.clear();
+                make(item, buffer);
+            });
+            let made = &self.buffers[..items.len()];
+            made.iter().try_for_each(|buffer| write(buffer.as_bytes()))?;
         }
         Ok(())
     }

@@ -59,6 +59,7 @@ pub mod usda;
 pub mod usda_frames;
 pub mod usdc;
 mod whole;
+mod write_behind;
 
 use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};

@@ -1,15 +1,12 @@
 //! A file that appears under its name only when it is whole.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::ExportError;
 use super::temporary::{TemporaryFile, folder_of};
-
-/// Buffer of an output: large enough that the system is rarely called, and small enough that whole
-/// buffers of a [`super::buffer::Conveyor`] go past it, uncopied.
-pub(super) const BUFFER: usize = 1 << 16;
+use super::write_behind::WriteBehind;
 
 /// A file being written beside its target, or the target itself where that is no regular file (a
 /// pipe, `/dev/stdout`).
@@ -18,7 +15,7 @@ pub(super) const BUFFER: usize = 1 << 16;
 #[derive(Debug)]
 pub struct Output {
     target: PathBuf,
-    file: BufWriter<File>,
+    file: WriteBehind,
     /// The temporary name, removed on drop.
     temporary: Option<TemporaryFile>,
 }
@@ -65,7 +62,7 @@ impl Output {
             let (file, temporary) = temporary_beside(&target)?;
             (file, Some(temporary))
         };
-        Ok(Self { target, file: BufWriter::with_capacity(BUFFER, file), temporary })
+        Ok(Self { target, file: WriteBehind::new(file), temporary })
     }
 
     /// The file's final path.
@@ -80,13 +77,12 @@ impl Output {
     /// [`ExportError::Io`].
     pub fn write_with<T>(
         &mut self,
-        write: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
+        write: impl FnOnce(&mut Self) -> io::Result<T>,
     ) -> Result<T, ExportError> {
-        write(&mut self.file)
-            .map_err(|source| ExportError::Io { path: Some(self.target.clone()), source })
+        write(self).map_err(|source| ExportError::Io { path: Some(self.target.clone()), source })
     }
 
-    /// Hands everything that is buffered to the system. A full disk may show only now.
+    /// Waits until the system has taken all bytes. A full disk may show only now.
     ///
     /// # Errors
     /// [`ExportError::Io`].

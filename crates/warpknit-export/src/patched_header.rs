@@ -1,9 +1,7 @@
 //! Files that begin with what is known last: counts, or a table of contents.
 //!
 //! The body is written behind room for the header, and the header into that room at the end. So no
-//! byte is written twice. Measured on 1.8 million vertices: with this, and with bytes that are made
-//! in parallel while others are being written ([`super::buffer::Conveyor`]), a `.glb` took 23
-//! instead of 60 ns a vertex.
+//! byte is written twice.
 //!
 //! The body waits in a spool instead, and is copied behind the header, where the target can't be
 //! sought (a pipe) or nobody knows how long the header will be at the most.

@@ -3,25 +3,24 @@
 //! They wait in a nameless temporary file and are copied to their place afterwards, so that no part
 //! is held in memory. (To write a job to a spool and take it up in order is as old as printers.)
 
-use std::fs::File;
-use std::io::{self, BufWriter, Read as _, Seek as _, SeekFrom, Write as _};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::ops::Range;
 use std::path::Path;
 
-use super::output::BUFFER;
 use super::temporary::nameless;
+use super::write_behind::WriteBehind;
 
 /// One such part.
 #[derive(Debug)]
 pub(super) struct Spool {
-    file: BufWriter<File>,
+    file: WriteBehind,
     length: u64,
 }
 
 impl Spool {
     /// An empty part of the file at `target`, if it has a path.
     pub(super) fn create(target: Option<&Path>) -> io::Result<Self> {
-        Ok(Self { file: BufWriter::with_capacity(BUFFER, nameless(target)?), length: 0 })
+        Ok(Self { file: WriteBehind::new(nameless(target)?), length: 0 })
     }
 
     /// Bytes so far.
@@ -31,10 +30,9 @@ impl Spool {
 
     /// Copies the part to where it belongs and empties it.
     pub(super) fn drain(&mut self, target: &mut impl io::Write) -> io::Result<()> {
-        self.file.flush()?;
-        let file = self.file.get_mut();
+        let mut file = self.file.file()?;
         file.rewind()?;
-        io::copy(&mut file.take(self.length), target)?;
+        io::copy(&mut (&*file).take(self.length), target)?;
         file.rewind()?;
         self.length = 0;
         Ok(())
@@ -53,10 +51,9 @@ impl Spool {
         bytes: &Range<u64>,
         target: &mut impl io::Write,
     ) -> io::Result<()> {
-        self.file.flush()?;
-        let file = self.file.get_mut();
+        let mut file = self.file.file()?;
         file.seek(SeekFrom::Start(bytes.start))?;
-        io::copy(&mut file.take(bytes.end - bytes.start), target)?;
+        io::copy(&mut (&*file).take(bytes.end - bytes.start), target)?;
         // What comes next is appended.
         file.seek(SeekFrom::Start(self.length)).map(drop)
     }

@@ -5,9 +5,10 @@
 //! given tubes. Then its memory is used for a later block. So memory is bounded by a window of
 //! blocks and not by the fabric.
 //!
-//! Method: a thread knits, locates and maps a block before it takes the next one ([`Stage::Lay`]).
-//! All blocks of a window go through each later stage in parallel before the next one begins. A
-//! yarn depends on no other yarn, so the result is the same for any number of threads.
+//! Method: a window is a block for each thread, which knits, locates and maps it ([`Stage::Lay`]),
+//! or a whole panel where yarns are moved apart. All blocks of a window go through each later stage
+//! in parallel before the next one begins. A yarn depends on no other yarn, so the result is the
+//! same for any number of threads.
 //!
 //! Cost: linear in the stitches. Not promised: yarns that know of each other across panels; each
 //! panel is laid out on its own.
@@ -43,12 +44,6 @@ use evenness::Evenness;
 pub use lay_times::LayTimes;
 use strands::{Edge, Losses};
 
-/// Blocks in the window for each thread. With 1, a thread that finishes early waits at the end of
-/// every window, and no file can be written while the next bytes of it are made. With many more, a
-/// block's data has left the cache before its tubes are made.
-const THREAD_BLOCKS: usize = 4;
-/// The largest number of blocks in the window.
-const MAX_BLOCKS: usize = 64;
 /// Memory of the window, bytes. A window holds at least one block, and a block at least one yarn,
 /// so a single long yarn may take more.
 const WINDOW_BYTES: usize = 256 << 20;
@@ -291,7 +286,9 @@ fn window_len(stitches: impl Iterator<Item = u64>, options: &DrapeOptions) -> us
     // text into which a writer turns them.
     let (vertices, triangles) = options.surface.map_or((0, 0), |section| section.size_of(1, 1));
     let stitch = STITCH_BYTES + 4 * (32 * vertices + 12 * triangles);
-    let most = (THREAD_BLOCKS * rayon::current_num_threads()).min(MAX_BLOCKS);
+    // One a thread, so that the next window finds the memory of this one in the core's own cache.
+    // Threads wait for each other at a window's end, for a short time since blocks are of like size.
+    let most = rayon::current_num_threads();
     let mut bytes = 0;
     let fitting = stitches.take(most).take_while(|&stitches| {
         bytes += stitch.saturating_mul(usize::try_from(stitches).unwrap_or(usize::MAX));
