@@ -22,20 +22,20 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use gltf_json as json;
-use json::accessor::{ComponentType, GenericComponentType, Type};
-use json::buffer::{Stride, Target as ViewTarget};
+use json::accessor::{ComponentType, GenericComponentType};
+use json::buffer::{Stride, Target as ViewTarget, View};
 use json::mesh::Semantic;
 use json::validation::Checked::Valid;
 use json::validation::USize64;
 use json::{Accessor, Index, Root};
 use rayon::prelude::*;
 
+use super::glb_array::GlbArray;
 use super::glb_block::PreparedBlock;
 use super::glb_grid::QUANTIZATION;
 use super::glb_material::root_of;
-use super::glb_nodes::NodeTree;
+use super::glb_nodes::{BarGrid, NodeTree};
 pub use super::glb_options::{GlbOptions, Nodes, Precision};
-use super::meshopt;
 use super::patched_header::PatchedHeader;
 use super::texture::TextureSet;
 use super::{ClothInfo, Destination, Expected, ExportError, Sink};
@@ -72,16 +72,6 @@ pub struct GlbWriter<W> {
     options: GlbOptions,
     /// The arrays of the blocks at hand as the file holds them.
     prepared: Vec<PreparedBlock>,
-}
-
-/// Where an array lies in the file.
-#[derive(Clone, Copy)]
-struct ArrayView {
-    index: Index<json::buffer::View>,
-    kind: Type,
-    component: ComponentType,
-    /// Bytes of an element.
-    size: usize,
 }
 
 impl<W: Write + Seek + Send> GlbWriter<W> {
@@ -134,60 +124,47 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         Ok(())
     }
 
-    /// Adds one block's tubes.
-    fn add(&mut self, block: &Block, prepared: &PreparedBlock) -> Result<(), ExportError> {
-        let parent = self.nodes.bar_of(&mut self.root, block, prepared.bounds());
-        let positions = match &parent.grid {
-            Some(grid) => {
-                let places: Vec<[u16; 4]> =
-                    prepared.positions.iter().map(|place| grid.place(*place)).collect();
-                self.array(&places, Type::Vec3, ComponentType::U16)?
-            }
-            None => self.array(&prepared.positions, Type::Vec3, ComponentType::F32)?,
-        };
-        let normals = if prepared.normals.is_empty() {
-            self.array(&prepared.short_normals, Type::Vec3, ComponentType::I8)?
-        } else {
-            self.array(&prepared.normals, Type::Vec3, ComponentType::F32)?
-        };
-        let mut vertices = vec![(Semantic::Positions, positions), (Semantic::Normals, normals)];
-        if !prepared.uvs.is_empty() {
-            let uvs = self.array(&prepared.uvs, Type::Vec2, ComponentType::F32)?;
-            vertices.push((Semantic::TexCoords(0), uvs));
+    /// Adds one block's tubes, on that grid.
+    fn add(
+        &mut self,
+        block: &Block,
+        prepared: &PreparedBlock,
+        of: BarGrid,
+    ) -> Result<(), ExportError> {
+        let parent = self.nodes.bar_of(&mut self.root, block, of);
+        let arrays = prepared.arrays();
+        let mut views = Vec::with_capacity(arrays.len());
+        for (index, array) in arrays.iter().enumerate() {
+            views.push(self.array(array, prepared.compressed.get(index).map(Vec::as_slice))?);
         }
-        // Indices are a view of their own: the format wants them apart from vertices.
-        let corners = if prepared.triangles.is_empty() {
-            let corners = prepared.short_triangles.as_flattened();
-            self.array(corners, Type::Scalar, ComponentType::U16)?
-        } else {
-            self.array(prepared.triangles.as_flattened(), Type::Scalar, ComponentType::U32)?
-        };
         for part in &prepared.parts {
             let mut attributes = BTreeMap::new();
-            for (semantic, view) in &vertices {
+            let mut indices = None;
+            for (array, view) in arrays.iter().zip(&views) {
+                let Some(semantic) = &array.semantic else {
+                    let corners = 3 * part.triangles.start..3 * part.triangles.end;
+                    indices = Some(self.range_of(array, *view, corners, None));
+                    continue;
+                };
                 // The format demands bounds of positions, and of nothing else.
                 let is_position = *semantic == Semantic::Positions;
-                let bounds = is_position.then(|| match &parent.grid {
+                let bounds = is_position.then(|| match &of.grid {
                     Some(grid) => [part.low, part.high].map(|corner| grid.corner(corner)),
                     None => [part.low, part.high],
                 });
-                attributes.insert(
-                    Valid(semantic.clone()),
-                    self.range_of(*view, part.vertices.clone(), bounds),
-                );
+                let vertices = self.range_of(array, *view, part.vertices.clone(), bounds);
+                attributes.insert(Valid(semantic.clone()), vertices);
             }
-            let indices =
-                self.range_of(corners, 3 * part.triangles.start..3 * part.triangles.end, None);
             let primitive = json::mesh::Primitive {
                 attributes,
-                indices: Some(indices),
+                indices,
                 material: Some(Index::new(index32(block.bar))),
                 mode: Valid(json::mesh::Mode::Triangles),
                 targets: None,
                 extensions: None,
                 extras: json::Extras::default(),
             };
-            self.nodes.add(&mut self.root, parent.node, part.yarn, primitive);
+            self.nodes.add(&mut self.root, parent, part.yarn, primitive);
         }
         Ok(())
     }
@@ -195,21 +172,22 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
     /// An accessor to some elements of an array, with their bounds if it needs them.
     fn range_of(
         &mut self,
-        view: ArrayView,
+        array: &GlbArray<'_>,
+        view: Index<View>,
         elements: Range<usize>,
         bounds: Option<[Vec3; 2]>,
     ) -> Index<Accessor> {
         self.root.push(Accessor {
-            buffer_view: Some(view.index),
-            byte_offset: Some(USize64::from(elements.start * view.size)),
+            buffer_view: Some(view),
+            byte_offset: Some(USize64::from(elements.start * array.size)),
             count: USize64::from(elements.len()),
-            component_type: Valid(GenericComponentType(view.component)),
-            type_: Valid(view.kind),
+            component_type: Valid(GenericComponentType(array.component)),
+            type_: Valid(array.kind),
             min: bounds.map(|[low, _]| json::Value::from(low.to_array().to_vec())),
             max: bounds.map(|[_, high]| json::Value::from(high.to_array().to_vec())),
             name: None,
             // Normals in whole numbers stand for -1 to 1.
-            normalized: view.component == ComponentType::I8,
+            normalized: array.component == ComponentType::I8,
             sparse: None,
             extensions: None,
             extras: json::Extras::default(),
@@ -218,37 +196,29 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
 
     /// Appends an array to the binary chunk, with its view, and fills it up to a multiple of 4 bytes
     /// as the format wants it.
-    fn array<T: bytemuck::NoUninit>(
+    fn array(
         &mut self,
-        values: &[T],
-        kind: Type,
-        component: ComponentType,
-    ) -> Result<ArrayView, ExportError> {
-        let bytes: &[u8] = bytemuck::cast_slice(values);
-        let coded = self
-            .options
-            .is_compressed
-            .then(|| coded(bytes, component, kind == Type::Scalar, size_of::<T>()));
+        array: &GlbArray<'_>,
+        compressed: Option<&[u8]>,
+    ) -> Result<Index<View>, ExportError> {
+        let bytes = array.bytes;
         let padded = |count: usize| count.next_multiple_of(4) as u64;
-        let (offset, extensions) = match &coded {
+        let (offset, extensions) = match compressed {
             None => (self.bytes, None),
-            Some(coded) => {
-                let stride = size_of::<T>();
-                let extension = compression(self.bytes, coded.len(), stride, values.len(), kind);
-                (self.unpacked, Some(extension))
+            Some(compressed) => {
+                (self.unpacked, Some(compression(self.bytes, compressed.len(), array)))
             }
         };
-        let written = coded.as_deref().unwrap_or(bytes);
+        let written = compressed.unwrap_or(bytes);
         self.file.write(written)?;
         self.file.write(&[0; 3][..written.len().next_multiple_of(4) - written.len()])?;
         // A view of vertices that several accessors share must state its stride; indices may have
         // none.
-        let (target, stride) = if kind == Type::Scalar {
-            (ViewTarget::ElementArrayBuffer, None)
-        } else {
-            (ViewTarget::ArrayBuffer, Some(Stride(size_of::<T>())))
+        let (target, stride) = match array.semantic {
+            None => (ViewTarget::ElementArrayBuffer, None),
+            Some(_) => (ViewTarget::ArrayBuffer, Some(Stride(array.size))),
         };
-        let index = self.root.push(json::buffer::View {
+        let view = self.root.push(View {
             buffer: self.buffer,
             byte_length: USize64::from(bytes.len()),
             byte_offset: Some(USize64(offset)),
@@ -259,10 +229,10 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             extras: json::Extras::default(),
         });
         self.bytes += padded(written.len());
-        if coded.is_some() {
+        if compressed.is_some() {
             self.unpacked += padded(bytes.len());
         }
-        Ok(ArrayView { index, kind, component, size: size_of::<T>() })
+        Ok(view)
     }
 
     /// The JSON chunk, filled up with spaces to its room, or to a multiple of 4 bytes.
@@ -302,10 +272,17 @@ impl<W: Write + Seek + Send> Sink<W> for GlbWriter<W> {
             .par_iter()
             .zip(&mut prepared)
             .for_each(|(block, prepared)| prepared.fill(block, textures, options));
-        for (block, prepared) in blocks.iter().zip(&prepared) {
-            if !prepared.positions.is_empty() {
-                self.add(block, prepared)?;
-            }
+        // The grid of a block depends on those before it.
+        let full = blocks.iter().zip(&mut prepared).filter(|(_, prepared)| !prepared.is_empty());
+        let mut full: Vec<_> = full
+            .map(|(block, prepared)| {
+                (self.nodes.grid_of(block, prepared.bounds()), block, prepared)
+            })
+            .collect();
+        full.par_iter_mut()
+            .for_each(|(of, _, prepared)| prepared.encode(of.grid.as_ref(), options));
+        for (of, block, prepared) in full {
+            self.add(block, prepared, of)?;
         }
         self.prepared = prepared;
         // Refused now, and not when the disk is full of bytes that the header can't count.
@@ -371,32 +348,13 @@ fn fallback() -> json::Buffer {
     }
 }
 
-/// An array compressed: triangles where it is of indices, and else vertices of `stride` bytes.
-fn coded(bytes: &[u8], component: ComponentType, is_indices: bool, stride: usize) -> Vec<u8> {
-    if !is_indices {
-        return meshopt::attributes(bytes, stride);
-    }
-    if component == ComponentType::U16 {
-        let corners = bytes.as_chunks::<2>().0.iter().map(|two| u16::from_le_bytes(*two).into());
-        return meshopt::triangles(corners.collect::<Vec<u32>>().as_chunks().0.iter().copied());
-    }
-    let corners = bytes.as_chunks::<4>().0.iter().map(|four| u32::from_le_bytes(*four));
-    meshopt::triangles(corners.collect::<Vec<u32>>().as_chunks().0.iter().copied())
-}
-
-/// Where a compressed array lies, and of how many elements.
-fn compression(
-    offset: u64,
-    length: usize,
-    stride: usize,
-    count: usize,
-    kind: Type,
-) -> json::extensions::buffer::View {
-    let mode = if kind == Type::Scalar { "TRIANGLES" } else { "ATTRIBUTES" };
+/// Where an array lies compressed, in that many bytes.
+fn compression(offset: u64, length: usize, array: &GlbArray<'_>) -> json::extensions::buffer::View {
+    let mode = if array.semantic.is_none() { "TRIANGLES" } else { "ATTRIBUTES" };
     let mut extension = json::extensions::buffer::View::default();
     let own = serde_json::json!({
-        "buffer": 0, "byteOffset": offset, "byteLength": length, "byteStride": stride,
-        "count": count, "mode": mode,
+        "buffer": 0, "byteOffset": offset, "byteLength": length, "byteStride": array.size,
+        "count": array.count(), "mode": mode,
     });
     extension.others.insert(COMPRESSION.to_owned(), own);
     extension

@@ -7,8 +7,12 @@
 use std::ops::Range;
 
 use glam::{Vec2, Vec3};
+use gltf_json as json;
+use json::accessor::{ComponentType, Type};
+use json::mesh::Semantic;
 
-use super::glb_grid::quantised_normal;
+use super::glb_array::GlbArray;
+use super::glb_grid::{Grid, quantised_normal};
 use super::glb_options::{GlbOptions, Nodes, Precision};
 use super::texture::TextureSet;
 use warpknit_core::drape::Block;
@@ -21,20 +25,24 @@ pub(super) const METRES_PER_MM: f32 = 1e-3;
 #[derive(Debug, Default)]
 pub(super) struct PreparedBlock {
     /// m.
-    pub(super) positions: Vec<Vec3>,
+    positions: Vec<Vec3>,
+    /// The same on the grid, if there is one.
+    places: Vec<[u16; 4]>,
     /// Unit normals.
-    pub(super) normals: Vec<Vec3>,
+    normals: Vec<Vec3>,
     /// The same in 8 bits a coordinate, where files have them so; then `normals` is empty.
-    pub(super) short_normals: Vec<[i8; 4]>,
+    short_normals: Vec<[i8; 4]>,
     /// Counted in repeats of the bar's texture; empty where it has none.
-    pub(super) uvs: Vec<Vec2>,
+    uvs: Vec<Vec2>,
     /// The number of each of the tubes' vertices among the positions.
     numbers: Vec<u32>,
     /// Counted from the first vertex of each part.
-    pub(super) triangles: Vec<[u32; 3]>,
+    triangles: Vec<[u32; 3]>,
     /// The same where they fit; then `triangles` is empty.
-    pub(super) short_triangles: Vec<[u16; 3]>,
+    short_triangles: Vec<[u16; 3]>,
     pub(super) parts: Vec<PartRange>,
+    /// Each of [`PreparedBlock::arrays`] compressed, where files have them so.
+    pub(super) compressed: Vec<Vec<u8>>,
 }
 
 /// The range of a mesh part in a block's arrays: that of a yarn, or the whole block.
@@ -80,6 +88,50 @@ impl PreparedBlock {
             self.short_normals.extend(self.normals.drain(..).map(quantised_normal));
         }
         self.fill_triangles(&tubes.triangles);
+    }
+
+    /// Puts positions on the grid, if there is one, and compresses the arrays if that is wanted.
+    pub(super) fn encode(&mut self, grid: Option<&Grid>, options: GlbOptions) {
+        self.places.clear();
+        if let Some(grid) = grid {
+            self.places.extend(self.positions.iter().map(|position| grid.place(*position)));
+        }
+        self.compressed = if options.is_compressed {
+            self.arrays().iter().map(GlbArray::compressed).collect()
+        } else {
+            Vec::new()
+        };
+    }
+
+    /// The arrays in the order in which they lie in the file. The corners of triangles are the last.
+    pub(super) fn arrays(&self) -> Vec<GlbArray<'_>> {
+        use ComponentType::{F32, I8, U16, U32};
+        let mut arrays = vec![
+            if self.places.is_empty() {
+                GlbArray::of_vertices(Semantic::Positions, &self.positions, Type::Vec3, F32)
+            } else {
+                GlbArray::of_vertices(Semantic::Positions, &self.places, Type::Vec3, U16)
+            },
+            if self.normals.is_empty() {
+                GlbArray::of_vertices(Semantic::Normals, &self.short_normals, Type::Vec3, I8)
+            } else {
+                GlbArray::of_vertices(Semantic::Normals, &self.normals, Type::Vec3, F32)
+            },
+        ];
+        if !self.uvs.is_empty() {
+            let uvs = Semantic::TexCoords(0);
+            arrays.push(GlbArray::of_vertices(uvs, &self.uvs, Type::Vec2, F32));
+        }
+        arrays.push(if self.triangles.is_empty() {
+            GlbArray::of_corners(&self.short_triangles, U16)
+        } else {
+            GlbArray::of_corners(&self.triangles, U32)
+        });
+        arrays
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.positions.is_empty()
     }
 
     /// Lowest and highest corner of all parts, m.

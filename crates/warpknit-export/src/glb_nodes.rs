@@ -20,6 +20,8 @@ pub(super) struct NodeTree {
     options: GlbOptions,
     /// Nodes of panels' bars.
     bars: Vec<Index<json::Node>>,
+    /// The grid of the last block that was given one.
+    grid: Option<BarGrid>,
     /// The node of the last block's bar.
     current: Option<BarNode>,
     /// Where coordinates count from, m.
@@ -30,14 +32,20 @@ pub(super) struct NodeTree {
     radius: f32,
 }
 
-/// The node of a panel's bar.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct BarNode {
+/// A panel's bar and its grid. Blocks that agree in these and follow each other share a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BarGrid {
     panel: usize,
     bar: usize,
-    pub(super) node: Index<json::Node>,
-    /// Its grid. `None` where coordinates are floats.
+    /// `None` where coordinates are floats.
     pub(super) grid: Option<Grid>,
+}
+
+/// The node of a panel's bar.
+#[derive(Clone, Copy, Debug)]
+struct BarNode {
+    of: BarGrid,
+    node: Index<json::Node>,
 }
 
 impl NodeTree {
@@ -51,6 +59,7 @@ impl NodeTree {
         Self {
             options: cloth.glb,
             bars: Vec::new(),
+            grid: None,
             current: None,
             origin: Vec3::ZERO,
             panels: panels.collect(),
@@ -58,21 +67,37 @@ impl NodeTree {
         }
     }
 
-    /// The node of the block's panel and bar: a new one where one of them is new, or where the last
-    /// node's grid doesn't hold the block's bounds `own`.
-    pub(super) fn bar_of(&mut self, root: &mut Root, block: &Block, own: [Vec3; 2]) -> BarNode {
+    /// The grid of a block, whose bounds are `own`: a new one where its panel or its bar is new, or
+    /// where the last grid doesn't hold them. Blocks are given theirs in order.
+    pub(super) fn grid_of(&mut self, block: &Block, own: [Vec3; 2]) -> BarGrid {
         let (panel, bar) = (block.panel, block.bar);
-        let is_own = |node: &BarNode| {
-            (node.panel, node.bar) == (panel, bar)
-                && node.grid.as_ref().is_none_or(|grid| grid.holds(own))
+        let is_own = |of: &BarGrid| {
+            (of.panel, of.bar) == (panel, bar)
+                && of.grid.as_ref().is_none_or(|grid| grid.holds(own))
         };
-        if let Some(node) = self.current.filter(is_own) {
-            return node;
+        if let Some(of) = self.grid.filter(is_own) {
+            return of;
         }
         let grid = match self.options.precision {
             Precision::Quantised => Grid::around(self.panels.get(panel), own, self.radius),
             Precision::F32 => None,
         };
+        let of = BarGrid { panel, bar, grid };
+        self.grid = Some(of);
+        of
+    }
+
+    /// The node of a block's panel and bar, with that grid.
+    pub(super) fn bar_of(
+        &mut self,
+        root: &mut Root,
+        block: &Block,
+        of: BarGrid,
+    ) -> Index<json::Node> {
+        if let Some(current) = self.current.filter(|current| current.of == of) {
+            return current.node;
+        }
+        let BarGrid { panel, bar, grid } = of;
         let name = Some(format!("panel {panel} bar {}", bar + 1));
         self.origin = (block.origin / 1000.0).as_vec3();
         let node = root.push(json::Node {
@@ -82,8 +107,7 @@ impl NodeTree {
             ..json::Node::default()
         });
         self.bars.push(node);
-        let node = BarNode { panel, bar, node, grid };
-        self.current = Some(node);
+        self.current = Some(BarNode { of, node });
         node
     }
 

@@ -11,8 +11,8 @@
 //!   pictures of an `.obj`) are [`Output`]s, which appear under their names only when they are
 //!   whole. So a failed run leaves no partial file, and an old file stays as it was.
 //!
-//! Files and folders are touched in `output.rs`, `folder.rs` and `temporary.rs` alone. A program
-//! that may end without returning calls [`remove_temporaries`] first.
+//! Files and folders are touched in `output.rs`, `write_behind.rs`, `folder.rs` and `temporary.rs`
+//! alone. A program that may end without returning calls [`remove_temporaries`] first.
 
 mod axes;
 mod base64;
@@ -31,6 +31,7 @@ mod file_writer;
 mod folder;
 mod format;
 pub mod glb;
+mod glb_array;
 mod glb_block;
 mod glb_grid;
 mod glb_material;
