@@ -67,7 +67,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
                     pieces().try_for_each(|piece| std::io::Write::write_all(file, piece))
                 })
                 .expect("room on the disk");
-            vec![output]
+            vec![output.seal().expect("room on the disk")]
         }),
         ("glb", &|| write_all(&at("skirt.glb"), &info, &blocks)),
         ("obj", &|| write_all(&at("skirt.obj"), &info, &blocks)),

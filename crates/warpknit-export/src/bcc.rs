@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::patched_header::PatchedHeader;
 use super::{ClothInfo, Companion, Destination, ExportError, Sink, lines};
 use warpknit_core::drape::Block;
@@ -86,7 +86,7 @@ pub struct BccWriter<W> {
     st: u32,
     curves: u64,
     points: u64,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 impl<W: Write + Seek + Send> BccWriter<W> {
@@ -97,19 +97,19 @@ impl<W: Write + Seek + Send> BccWriter<W> {
     pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let file = PatchedHeader::create(target, Some(size_of::<BccHeader>()))?;
         let st = cloth.section.st;
-        Ok(Self { file, st, curves: 0, points: 0, conveyor: Conveyor::default() })
+        Ok(Self { file, st, curves: 0, points: 0, buffers: Buffers::default() })
     }
 }
 
 impl<W: Write + Seek + Send> Sink<W> for BccWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { file, st, curves, points, conveyor } = self;
+        let Self { file, st, curves, points, buffers } = self;
         *curves += blocks.iter().map(|block| block.strands.strands.len() as u64).sum::<u64>();
         let count = |block: &Block| {
             lines::count_all(block, *st) + ADDED * block.strands.strands.len() as u64
         };
         *points += blocks.iter().map(count).sum::<u64>();
-        conveyor.carry(
+        buffers.write_each(
             blocks,
             |block, bytes| lines::each(block, *st, |line| add_curve(line, bytes)),
             |bytes| file.write(bytes),

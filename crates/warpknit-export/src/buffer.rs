@@ -55,17 +55,17 @@ impl fmt::Write for Buffer {
 
 /// Makes bytes of items in parallel, one item a thread, and writes them in order.
 #[derive(Debug, Default)]
-pub(super) struct Conveyor {
+pub(super) struct Buffers {
     /// They keep their memory: after the first items nothing is allocated.
     buffers: Vec<Buffer>,
 }
 
-impl Conveyor {
+impl Buffers {
     /// Writes all items. `make` puts an item's bytes into an empty buffer.
     ///
     /// # Errors
     /// The first error of `write`.
-    pub(super) fn carry<T: Sync>(
+    pub(super) fn write_each<T: Sync>(
         &mut self,
         items: &[T],
         make: impl Fn(&T, &mut Buffer) + Sync,
@@ -95,7 +95,7 @@ mod tests {
         let expected: String = items.iter().map(u32::to_string).collect();
         for threads in [1, 2, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let (mut conveyor, mut written) = (Conveyor::default(), Vec::new());
+            let (mut buffers, mut written) = (Buffers::default(), Vec::new());
             for items in items.chunks(34) {
                 let make = |item: &u32, buffer: &mut Buffer| {
                     fmt::Write::write_str(buffer, &item.to_string()).unwrap();
@@ -104,7 +104,7 @@ mod tests {
                     written.extend_from_slice(bytes);
                     Ok(())
                 };
-                pool.install(|| conveyor.carry(items, make, &mut write)).unwrap();
+                pool.install(|| buffers.write_each(items, make, &mut write)).unwrap();
             }
             assert_eq!(String::from_utf8(written).unwrap(), expected);
         }

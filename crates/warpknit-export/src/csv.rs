@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::{ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::drape::strands::{CUT, Strand};
@@ -25,7 +25,7 @@ pub const HEADER: &str = "panel,bar,yarn,course,wale,kind,point,triangle,\
 pub struct CsvWriter<'a, W> {
     target: Destination<W>,
     panels: &'a [Panel],
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 impl<'a, W: Write + Seek + Send> CsvWriter<'a, W> {
@@ -35,15 +35,15 @@ impl<'a, W: Write + Seek + Send> CsvWriter<'a, W> {
     /// [`ExportError::Io`].
     pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'a>) -> Result<Self, ExportError> {
         target.write(HEADER.as_bytes())?;
-        Ok(Self { target, panels: cloth.panels, conveyor: Conveyor::default() })
+        Ok(Self { target, panels: cloth.panels, buffers: Buffers::default() })
     }
 }
 
 impl<W: Write + Seek + Send> Sink<W> for CsvWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { target, panels, conveyor } = self;
+        let Self { target, panels, buffers } = self;
         check_panels(blocks, panels, target)?;
-        conveyor.carry(
+        buffers.write_each(
             blocks,
             |block, text| add_rows(block, &panels[block.panel], text),
             |text| target.write(text),

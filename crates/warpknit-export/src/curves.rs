@@ -9,7 +9,7 @@
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::digits::numbers;
 use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle, lines};
 use warpknit_core::drape::Block;
@@ -21,7 +21,7 @@ pub struct CurvesWriter<W> {
     st: u32,
     /// Each bar's radius, mm.
     radii: Vec<f32>,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 impl<W: Write + Seek + Send> CurvesWriter<W> {
@@ -31,14 +31,14 @@ impl<W: Write + Seek + Send> CurvesWriter<W> {
     /// None: nothing is written before the first block.
     pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let radii = cloth.strands.iter().map(StrandStyle::radius_f32).collect();
-        Ok(Self { target, st: cloth.section.st, radii, conveyor: Conveyor::default() })
+        Ok(Self { target, st: cloth.section.st, radii, buffers: Buffers::default() })
     }
 }
 
 impl<W: Write + Seek + Send> Sink<W> for CurvesWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { target, st, radii, conveyor } = self;
-        conveyor.carry(
+        let Self { target, st, radii, buffers } = self;
+        buffers.write_each(
             blocks,
             |block, text| add_curves(block, *st, radii[block.bar], text),
             |text| target.write(text),

@@ -10,7 +10,8 @@ use super::{ExportError, Output};
 ///
 /// Errors name the path. The companions of an `.obj` are named after it, and parts of a file that
 /// have to wait do so in its folder. A writer makes many small writes, so put a bare
-/// [`std::fs::File`] into a [`std::io::BufWriter`].
+/// [`std::fs::File`] into a [`std::io::BufWriter`]. An [`Output`] is written by other threads while
+/// the next bytes are made.
 ///
 /// What can't be sought, such as a pipe, is found out by asking for its position: then a file whose
 /// header is known last is put together in a temporary file first.

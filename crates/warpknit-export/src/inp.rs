@@ -20,7 +20,7 @@
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::digits::numbers;
 use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle, lines};
 use glam::Vec3;
@@ -81,7 +81,7 @@ pub struct InpWriter<W> {
     sets: Vec<ElementSet>,
     /// Nodes so far.
     nodes: u64,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 impl<W: Write + Seek + Send> InpWriter<W> {
@@ -104,13 +104,13 @@ impl<W: Write + Seek + Send> InpWriter<W> {
             styles: cloth.strands.clone(),
             sets: Vec::new(),
             nodes: 0,
-            conveyor: Conveyor::default(),
+            buffers: Buffers::default(),
         })
     }
 
     /// Writes the elements of all sets, each set under its name.
     fn write_elements(&mut self) -> Result<(), ExportError> {
-        let Self { target, sets, conveyor, .. } = self;
+        let Self { target, sets, buffers, .. } = self;
         let (mut node, mut element) = (1, 1);
         let mut ends = String::new();
         for set in sets {
@@ -125,7 +125,7 @@ impl<W: Write + Seek + Send> InpWriter<W> {
                     element += u64::from(nodes) - 1;
                 }
             }
-            conveyor.carry(&numbered, add_elements, |text| target.write(text))?;
+            buffers.write_each(&numbered, add_elements, |text| target.write(text))?;
             target.write(set.axis_sets(first).as_bytes())?;
         }
         target.write_with(|file| write!(file, "*NSET, NSET=ENDS\n{ends}"))
@@ -203,7 +203,7 @@ fn step(sets: &[ElementSet]) -> String {
 
 impl<W: Write + Seek + Send> Sink<W> for InpWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { target, st, sets, nodes, conveyor, .. } = self;
+        let Self { target, st, sets, nodes, buffers, .. } = self;
         let mut numbered = Vec::new();
         for block in blocks.iter().filter(|block| !block.strands.strands.is_empty()) {
             let (panel, bar) = (block.panel, block.bar);
@@ -218,7 +218,7 @@ impl<W: Write + Seek + Send> Sink<W> for InpWriter<W> {
             set.strands.extend(counts);
             lines::each(block, *st, |line| set.axes.extend(line.windows(2).map(first_axis)));
         }
-        conveyor.carry(
+        buffers.write_each(
             &numbered,
             |(block, first), text| add_nodes(block, *st, *first, text),
             |text| target.write(text),

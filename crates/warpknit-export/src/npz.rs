@@ -19,7 +19,7 @@ use glam::DVec3;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::csv::check_panels;
 use super::spool::Spool;
 use super::{ClothInfo, Destination, ExportError, Sink};
@@ -97,7 +97,7 @@ pub struct NpzWriter<'a, W> {
     /// Each bar's radius, mm, and colour.
     bars: Vec<(f64, [u8; 3])>,
     options: NpzOptions,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 impl<'a, W: Write + Seek + Send> NpzWriter<'a, W> {
@@ -109,17 +109,17 @@ impl<'a, W: Write + Seek + Send> NpzWriter<'a, W> {
         let spools = ARRAYS.iter().map(|_| target.spool()).collect::<Result<_, _>>()?;
         let bars = cloth.strands.iter().map(|style| (style.radius, style.color.0)).collect();
         let (panels, options) = (cloth.panels, cloth.npz);
-        Ok(Self { target, panels, spools, bars, options, conveyor: Conveyor::default() })
+        Ok(Self { target, panels, spools, bars, options, buffers: Buffers::default() })
     }
 }
 
 impl<W: Write + Seek + Send> Sink<W> for NpzWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { target, panels, spools, options, conveyor, .. } = self;
+        let Self { target, panels, spools, options, buffers, .. } = self;
         check_panels(blocks, panels, target)?;
         // Array by array, since each has a spool of its own to be written to in order.
         for ((array, ..), spool) in ARRAYS.iter().zip(spools) {
-            conveyor.carry(
+            buffers.write_each(
                 blocks,
                 |block, bytes| array.add(block, &panels[block.panel], *options, bytes),
                 |bytes| target.write_with(|_| spool.write_all(bytes)),

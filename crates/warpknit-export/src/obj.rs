@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::digits::{add_line, decimal, thrice, word};
 use super::lines::in_file;
 use super::texture::TextureSet;
@@ -27,7 +27,7 @@ pub struct ObjWriter<W> {
     axes: Axes,
     /// Vertices written so far.
     vertices: u64,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 impl<W: Write + Seek + Send> ObjWriter<W> {
@@ -38,13 +38,13 @@ impl<W: Write + Seek + Send> ObjWriter<W> {
     pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         target.write(mtl::obj_beginning(target.path()).as_bytes())?;
         let textures = Arc::clone(&cloth.textures);
-        Ok(Self { target, textures, axes: cloth.axes, vertices: 0, conveyor: Conveyor::default() })
+        Ok(Self { target, textures, axes: cloth.axes, vertices: 0, buffers: Buffers::default() })
     }
 }
 
 impl<W: Write + Seek + Send> Sink<W> for ObjWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { target, vertices, conveyor, textures, axes } = self;
+        let Self { target, vertices, buffers, textures, axes } = self;
         // Vertex numbers run through the file, so each block is given its first one before blocks
         // are written in parallel.
         let mut numbered = Vec::with_capacity(blocks.len());
@@ -52,7 +52,7 @@ impl<W: Write + Seek + Send> Sink<W> for ObjWriter<W> {
             numbered.push((block, *vertices));
             *vertices += block.tubes.positions.len() as u64;
         }
-        conveyor.carry(
+        buffers.write_each(
             &numbered,
             |(block, first), text| add_objects(block, *first, textures, *axes, text),
             |text| target.write(text),

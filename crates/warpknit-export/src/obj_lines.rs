@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::obj::add_place;
 use super::{Axes, ClothInfo, Destination, ExportError, Sink, lines, mtl};
 use warpknit_core::drape::Block;
@@ -18,7 +18,7 @@ pub struct ObjLinesWriter<W> {
     axes: Axes,
     /// Points written so far.
     points: u64,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 impl<W: Write + Seek + Send> ObjLinesWriter<W> {
@@ -29,13 +29,13 @@ impl<W: Write + Seek + Send> ObjLinesWriter<W> {
     pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         target.write(mtl::obj_beginning(target.path()).as_bytes())?;
         let (st, axes) = (cloth.section.st, cloth.axes);
-        Ok(Self { target, st, axes, points: 0, conveyor: Conveyor::default() })
+        Ok(Self { target, st, axes, points: 0, buffers: Buffers::default() })
     }
 }
 
 impl<W: Write + Seek + Send> Sink<W> for ObjLinesWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { target, st, axes, points, conveyor } = self;
+        let Self { target, st, axes, points, buffers } = self;
         // Point numbers run through the file, so each block is given its first one before blocks
         // are written in parallel.
         let mut numbered = Vec::with_capacity(blocks.len());
@@ -43,7 +43,7 @@ impl<W: Write + Seek + Send> Sink<W> for ObjLinesWriter<W> {
             numbered.push((block, *points));
             *points += lines::count_all(block, *st);
         }
-        conveyor.carry(
+        buffers.write_each(
             &numbered,
             |(block, first), text| add_objects(block, (*st, *axes), *first, text),
             |text| target.write(text),

@@ -95,7 +95,8 @@ impl Output {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn publish(self) -> Result<(), ExportError> {
+    pub fn publish(mut self) -> Result<(), ExportError> {
+        self.write_with(Write::flush)?;
         match self.temporary {
             Some(temporary) => temporary
                 .publish(&self.target)

@@ -13,7 +13,7 @@ use std::ops::Range;
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::lines::in_file;
 use super::patched_header::PatchedHeader;
 use super::{Axes, ClothInfo, Destination, ExportError, Sink};
@@ -55,7 +55,7 @@ pub struct PlyWriter<W> {
     strands: Vec<u32>,
     /// Vertices of all strands.
     vertices: u64,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 impl<W: Write + Seek + Send> PlyWriter<W> {
@@ -73,7 +73,7 @@ impl<W: Write + Seek + Send> PlyWriter<W> {
             colors: cloth.strands.iter().map(|style| style.color.0).collect(),
             strands: Vec::new(),
             vertices: 0,
-            conveyor: Conveyor::default(),
+            buffers: Buffers::default(),
         })
     }
 }
@@ -101,8 +101,8 @@ impl<W: Write + Seek + Send> Sink<W> for PlyWriter<W> {
                 vertices: self.vertices,
             });
         }
-        let Self { file, axes, colors, conveyor, .. } = self;
-        conveyor.carry(
+        let Self { file, axes, colors, buffers, .. } = self;
+        buffers.write_each(
             blocks,
             |block, bytes| add_vertices(block, *axes, colors[block.bar], bytes),
             |bytes| file.write(bytes),
@@ -110,11 +110,11 @@ impl<W: Write + Seek + Send> Sink<W> for PlyWriter<W> {
     }
 
     fn finish(self: Box<Self>) -> Result<W, ExportError> {
-        let Self { mut file, section, axes, mut conveyor, vertices, strands, .. } = *self;
+        let Self { mut file, section, axes, mut buffers, vertices, strands, .. } = *self;
         let strands = number_vertices(&strands);
         let faces = strands.iter().map(|vertices| faces::count(&section, vertices) as u64).sum();
         let strands: Vec<_> = strands.chunks(STRANDS).collect();
-        conveyor.carry(
+        buffers.write_each(
             &strands,
             |strands, bytes| {
                 strands.iter().for_each(|vertices| add_faces(&section, vertices.clone(), bytes));

@@ -15,7 +15,7 @@ use std::io::{self, Seek, Write};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::digits::numbers;
 use super::spool::Spool;
 use super::usd_stage::{
@@ -37,7 +37,7 @@ pub struct UsdaWriter<W> {
     curves: UsdCurves,
     current: Option<CurrentPrim>,
     attributes: Attributes,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 /// The prim that is being written.
@@ -67,8 +67,8 @@ impl<W: Write + Seek + Send> UsdaWriter<W> {
         let (styles, curves) = (cloth.strands.clone(), cloth.usd_curves);
         target.write(beginning(&styles, curves, "").as_bytes())?;
         let attributes = Attributes::create(&target, curves)?;
-        let conveyor = Conveyor::default();
-        Ok(Self { target, styles, curves, current: None, attributes, conveyor })
+        let buffers = Buffers::default();
+        Ok(Self { target, styles, curves, current: None, attributes, buffers })
     }
 
     /// Adds blocks of one bar of one panel.
@@ -80,19 +80,19 @@ impl<W: Write + Seek + Send> UsdaWriter<W> {
             self.target.write_with(|file| write!(file, "{text}        point3f[] points = ["))?;
             self.current = Some(CurrentPrim { panel, bar, extent: EMPTY });
         }
-        let Self { target, curves, current, attributes, conveyor, .. } = self;
+        let Self { target, curves, current, attributes, buffers, .. } = self;
         let curves = *curves;
         // The extent comes after the points in the file, so it needs no second pass.
         if let Some(CurrentPrim { extent, .. }) = current {
             *extent =
                 blocks.par_iter().map(|block| bounds(block, curves)).reduce(|| *extent, union);
         }
-        conveyor.carry(
+        buffers.write_each(
             blocks,
             |block, text| add_points(block, curves, text),
             |text| target.write(text),
         )?;
-        attributes.add(blocks, conveyor, target)
+        attributes.add(blocks, buffers, target)
     }
 
     /// Closes the prim that is being written, if there is one.
@@ -140,13 +140,13 @@ impl Attributes {
     pub(super) fn add<W: Write + Seek + Send>(
         &mut self,
         blocks: &[Block],
-        conveyor: &mut Conveyor,
+        buffers: &mut Buffers,
         target: &mut Destination<W>,
     ) -> Result<(), ExportError> {
         let curves = self.curves;
         self.are_at_rest &= curves == UsdCurves::Linear && blocks.par_iter().all(is_at_rest);
         for (array, spool) in &mut self.arrays {
-            conveyor.carry(
+            buffers.write_each(
                 blocks,
                 |block, text| add(*array, block, curves, text),
                 |text| target.write_with(|_| spool.write_all(text)),

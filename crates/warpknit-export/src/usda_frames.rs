@@ -12,7 +12,7 @@ use std::ops::Range;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::buffer::Conveyor;
+use super::buffer::Buffers;
 use super::spool::Spool;
 use super::usd_stage::{EMPTY, UsdCurves, blocks_by_prim, bounds, union};
 use super::usda::{Attributes, add_points, beginning, extent_text, prim_beginning};
@@ -34,7 +34,7 @@ pub struct UsdaFramesWriter<W> {
     /// The prim to which the last blocks belonged.
     current: Option<usize>,
     attributes: Attributes,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 /// Where a prim's parts wait in the spool.
@@ -69,7 +69,7 @@ impl<W: Write + Seek + Send> UsdaFramesWriter<W> {
             codes: Vec::new(),
             current: None,
             attributes: Attributes::create(&target, cloth.usd_curves)?,
-            conveyor: Conveyor::default(),
+            buffers: Buffers::default(),
             target,
         })
     }
@@ -89,11 +89,11 @@ impl<W: Write + Seek + Send> UsdaFramesWriter<W> {
     fn add(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         self.find_prim(blocks[0].panel, blocks[0].bar)?;
         let curves = self.curves;
-        let Self { target, waiting, prims, codes, current, attributes, conveyor, .. } = self;
+        let Self { target, waiting, prims, codes, current, attributes, buffers, .. } = self;
         let prim = &mut prims[current.expect("found above")];
         let extent = prim.extents.last_mut().expect("one was pushed");
         *extent = blocks.par_iter().map(|block| bounds(block, curves)).reduce(|| *extent, union);
-        conveyor.carry(
+        buffers.write_each(
             blocks,
             |block, text| add_points(block, curves, text),
             |text| target.write_with(|_| waiting.write_all(text)),
@@ -101,7 +101,7 @@ impl<W: Write + Seek + Send> UsdaFramesWriter<W> {
         prim.points.last_mut().expect("one was pushed").end = waiting.length();
         // Later frames have the same yarns, so their attributes would be the same.
         if codes.len() == 1 {
-            attributes.add(blocks, conveyor, target)?;
+            attributes.add(blocks, buffers, target)?;
         }
         Ok(())
     }

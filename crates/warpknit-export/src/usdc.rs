@@ -12,7 +12,7 @@ use std::io::{self, Seek, Write};
 
 use glam::Vec3;
 
-use super::buffer::{Buffer, Conveyor};
+use super::buffer::{Buffer, Buffers};
 use super::crate_file::CrateFile;
 use super::crate_ints::WaitingNumbers;
 use super::crate_spec::{CrateType, Spec, Value, Word};
@@ -41,7 +41,7 @@ pub struct UsdcWriter<W> {
     prims: Vec<WrittenPrim>,
     current: Option<Current>,
     waiting: WaitingArrays,
-    conveyor: Conveyor,
+    buffers: Buffers,
 }
 
 /// A prim, as far as it is written.
@@ -105,7 +105,7 @@ impl<W: Write + Seek + Send> UsdcWriter<W> {
             prims: Vec::new(),
             current: None,
             waiting,
-            conveyor: Conveyor::default(),
+            buffers: Buffers::default(),
         })
     }
 
@@ -142,9 +142,9 @@ impl<W: Write + Seek + Send> UsdcWriter<W> {
     fn add(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         self.find_prim(blocks[0].panel, blocks[0].bar)?;
         let (is_first, curves) = (self.is_first(), self.curves);
-        let Self { file, current, waiting, conveyor, .. } = self;
+        let Self { file, current, waiting, buffers, .. } = self;
         let current = current.as_mut().expect("found above");
-        conveyor.carry(
+        buffers.write_each(
             blocks,
             |block, bytes| add_block(block, curves, is_first, bytes),
             |bytes| {

@@ -1,31 +1,37 @@
 //! A file that is written while the next bytes of it are made.
 //!
-//! In: bytes, in order. They are copied into chunks. Out: a file with these bytes, which the
-//! system takes from any thread of rayon's pool that has nothing else to do.
+//! In: bytes, in order. They are copied into chunks. Out: a file with these bytes. A thread of
+//! rayon's pool that has nothing else to do writes them.
 //!
-//! Method: full chunks wait in a queue. Who takes one out holds the lock of the file until it is
-//! written, so chunks reach the file in order whatever thread writes them. Where no thread has the
-//! time, the queue fills up, and who adds to it writes all that waits. A pool of one thread writes
-//! each chunk at once, so that one thread works at a time.
+//! Method: full chunks wait in a queue. A thread holds the file's lock from taking a chunk to having
+//! written it, so chunks reach the file in order. When too many chunks wait, the thread that makes
+//! bytes writes one itself. In a pool of one thread it writes all of them.
 //!
-//! Cost: a copy in memory, some tenth of what the system takes for its own, and memory for
-//! [`MOST_WAITING`] chunks at most. Not promised: that an error is that of the bytes at hand. It may
-//! be that of earlier ones; of the last ones it shows with [`Write::flush`].
+//! Cost: one more copy in memory; the system takes about ten times as long for its own. All files
+//! together keep at most [`MOST_WAITING`] chunks, and each keeps [`MOST_SPARE`] for later use. Not
+//! promised: an error may be that of earlier bytes. The error of the last ones comes from
+//! [`Write::flush`].
 
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
 
 /// Bytes of a chunk: so many that calls of the system don't count, and so few that a thread is soon
 /// back at other work.
 const CHUNK: usize = 1 << 18;
-/// Chunks that wait at most: 16 MB, as much as the tubes of two threads' blocks.
+/// Chunks of all files that wait: 16 MB, as much as the tubes of two threads' blocks.
 const MOST_WAITING: usize = 64;
+/// Written chunks of a file whose memory is kept.
+const MOST_SPARE: usize = 8;
 
-/// A file that takes bytes and writes them behind.
+/// Chunks of all files that wait now.
+static WAITING: AtomicUsize = AtomicUsize::new(0);
+
+/// A file that is written behind.
 ///
-/// Dropped before it is flushed, it loses what waits.
+/// Dropped before it is flushed, it loses what waits. After an error it takes nothing more.
 #[derive(Debug)]
 pub(super) struct WriteBehind {
     /// The chunk that is being filled.
@@ -36,7 +42,7 @@ pub(super) struct WriteBehind {
 /// What the threads that write have in common.
 #[derive(Debug)]
 struct Shared {
-    /// Locked before the queue by who needs both.
+    /// A thread that needs both locks this before the queue.
     file: Mutex<File>,
     queue: Mutex<Queue>,
 }
@@ -48,7 +54,7 @@ struct Queue {
     spare: Vec<Vec<u8>>,
     /// Whether the pool has a task that writes what waits.
     has_task: bool,
-    /// The first error that nobody was told of.
+    /// The first error.
     failed: Option<io::Error>,
 }
 
@@ -59,30 +65,33 @@ impl WriteBehind {
         Self { chunk: Vec::new(), shared: Arc::new(shared) }
     }
 
-    /// The file itself, which holds all bytes so far.
+    /// The file itself, once it has all bytes.
     ///
     /// # Errors
     /// What the system said of any of them.
     pub(super) fn file(&mut self) -> io::Result<MutexGuard<'_, File>> {
         if !self.chunk.is_empty() {
-            self.hand_over();
+            self.queue_chunk();
         }
-        while self.shared.write_chunk() {}
-        self.shared.tell()?;
-        Ok(lock(&self.shared.file))
+        let mut file = lock(&self.shared.file);
+        while self.shared.write_chunk(&mut file) {}
+        self.shared.check()?;
+        Ok(file)
     }
 
-    /// Puts the chunk in the queue, and sees to it that somebody writes it.
-    fn hand_over(&mut self) {
+    /// Puts the chunk in the queue.
+    fn queue_chunk(&mut self) {
         let mut queue = lock(&self.shared.queue);
         let spare = queue.spare.pop().unwrap_or_default();
         queue.waiting.push_back(std::mem::replace(&mut self.chunk, spare));
-        let is_full = queue.waiting.len() > MOST_WAITING || rayon::current_num_threads() == 1;
-        let has_task = std::mem::replace(&mut queue.has_task, !is_full);
-        drop(queue);
-        if is_full {
-            while self.shared.write_chunk() {}
-        } else if !has_task {
+        WAITING.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Sees to it that a thread writes what waits.
+    fn write_waiting(&self) {
+        if rayon::current_num_threads() == 1 || WAITING.load(Ordering::Relaxed) > MOST_WAITING {
+            self.shared.write_chunk(&mut lock(&self.shared.file));
+        } else if !std::mem::replace(&mut lock(&self.shared.queue).has_task, true) {
             add_task(Arc::downgrade(&self.shared));
         }
     }
@@ -92,35 +101,64 @@ impl WriteBehind {
 /// own, so that the thread can go back to what others wait for.
 fn add_task(shared: Weak<Shared>) {
     rayon::spawn(move || {
-        if shared.upgrade().is_some_and(|shared| shared.write_chunk()) {
+        if shared.upgrade().is_some_and(|shared| shared.write_in_task()) {
             add_task(shared);
         }
     });
 }
 
 impl Shared {
-    /// Writes the chunk that has waited longest. False if none waits.
-    fn write_chunk(&self) -> bool {
-        let mut file = lock(&self.file);
-        let mut queue = lock(&self.queue);
-        let Some(mut chunk) = queue.waiting.pop_front() else {
-            queue.has_task = false;
-            return false;
+    /// Writes a chunk, if one waits and no other thread is at the file. If so, another task is
+    /// needed. A task never waits for the file: the thread that has it could be waiting for the task.
+    fn write_in_task(&self) -> bool {
+        let mut file = match self.file.try_lock() {
+            Ok(file) => Some(file),
+            Err(TryLockError::Poisoned(file)) => Some(file.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
         };
-        drop(queue);
+        let has_written = file.as_mut().is_some_and(|file| self.write_chunk(file));
+        lock(&self.queue).has_task = has_written;
+        has_written
+    }
+
+    /// Writes the chunk that has waited longest. False if none waits.
+    fn write_chunk(&self, file: &mut File) -> bool {
+        let Some(mut chunk) = lock(&self.queue).take() else { return false };
         let written = file.write_all(&chunk);
         chunk.clear();
         let mut queue = lock(&self.queue);
-        queue.spare.push(chunk);
+        if queue.spare.len() < MOST_SPARE {
+            queue.spare.push(chunk);
+        }
         if let Err(error) = written {
             queue.failed.get_or_insert(error);
+            // Later bytes would be at a wrong place.
+            while queue.take().is_some() {}
         }
         true
     }
 
-    /// The error that nobody was told of.
-    fn tell(&self) -> io::Result<()> {
-        lock(&self.queue).failed.take().map_or(Ok(()), Err)
+    /// The first error, each time anew.
+    fn check(&self) -> io::Result<()> {
+        lock(&self.queue).failed.as_ref().map_or(Ok(()), |error| {
+            Err(error
+                .raw_os_error()
+                .map_or_else(|| error.kind().into(), io::Error::from_raw_os_error))
+        })
+    }
+}
+
+impl Queue {
+    fn take(&mut self) -> Option<Vec<u8>> {
+        let chunk = self.waiting.pop_front();
+        WAITING.fetch_sub(chunk.iter().len(), Ordering::Relaxed);
+        chunk
+    }
+}
+
+impl Drop for Queue {
+    fn drop(&mut self) {
+        WAITING.fetch_sub(self.waiting.len(), Ordering::Relaxed);
     }
 }
 
@@ -132,8 +170,9 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl Write for WriteBehind {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if self.chunk.len() == CHUNK {
-            self.hand_over();
-            self.shared.tell()?;
+            self.shared.check()?;
+            self.queue_chunk();
+            self.write_waiting();
         }
         if self.chunk.capacity() == 0 {
             self.chunk.reserve_exact(CHUNK);
@@ -143,7 +182,7 @@ impl Write for WriteBehind {
         Ok(count)
     }
 
-    /// Waits until the system has taken all bytes.
+    /// Waits until the system has all bytes.
     fn flush(&mut self) -> io::Result<()> {
         self.file().map(drop)
     }
@@ -158,6 +197,7 @@ impl Seek for WriteBehind {
 #[cfg(test)]
 mod tests {
     use std::io::Read as _;
+    use std::sync::mpsc;
 
     use super::*;
 
@@ -166,23 +206,35 @@ mod tests {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(run)
     }
 
+    /// More than may wait.
+    fn many() -> Vec<u8> {
+        let places = 0..(MOST_WAITING + 9) * CHUNK + 5;
+        places.map(|at| ((at * 31) ^ (at >> 11)).to_le_bytes()[0]).collect()
+    }
+
+    /// Writes them in pieces that end anywhere in a chunk.
+    fn write_many(file: &mut WriteBehind, bytes: &[u8]) {
+        bytes.chunks(99_991).try_for_each(|piece| file.write_all(piece)).unwrap();
+    }
+
+    fn content(file: &mut WriteBehind) -> Vec<u8> {
+        let mut content = Vec::new();
+        let mut file = file.file().unwrap();
+        file.seek(SeekFrom::Start(0)).unwrap();
+        file.read_to_end(&mut content).unwrap();
+        content
+    }
+
     #[test]
     fn bytes_come_in_order_whatever_threads_write_them() {
-        // More than may wait, in pieces that end anywhere in a chunk.
-        let bytes: Vec<u8> = (0..(MOST_WAITING + 9) * CHUNK + 5)
-            .map(|at| ((at * 31) ^ (at >> 11)).to_le_bytes()[0])
-            .collect();
+        let bytes = many();
         for threads in [1, 2, 5] {
             let written = with_threads(threads, || {
                 let mut file = WriteBehind::new(tempfile::tempfile().unwrap());
-                bytes.chunks(99_991).try_for_each(|piece| file.write_all(piece)).unwrap();
+                write_many(&mut file, &bytes);
                 file.seek(SeekFrom::Start(7)).unwrap();
                 file.write_all(b"patched").unwrap();
-                let mut written = Vec::new();
-                let mut file = file.file().unwrap();
-                file.seek(SeekFrom::Start(0)).unwrap();
-                file.read_to_end(&mut written).unwrap();
-                written
+                content(&mut file)
             });
             assert!(written[7..14] == *b"patched");
             assert!(written[..7] == bytes[..7] && written[14..] == bytes[14..], "{threads}");
@@ -190,18 +242,50 @@ mod tests {
     }
 
     #[test]
-    fn an_error_is_told_once_with_later_bytes_or_at_the_end() {
+    fn another_thread_writes_what_nobody_flushes() {
+        with_threads(2, || {
+            let own = tempfile::NamedTempFile::new().unwrap();
+            let mut file = WriteBehind::new(own.reopen().unwrap());
+            file.write_all(&[1; CHUNK + 1]).unwrap();
+            while own.as_file().metadata().unwrap().len() < CHUNK as u64 {
+                std::thread::yield_now();
+            }
+        });
+    }
+
+    #[test]
+    fn bytes_are_written_while_no_other_thread_has_the_time() {
+        let bytes = many();
+        let written = with_threads(2, || {
+            let mut file = WriteBehind::new(tempfile::tempfile().unwrap());
+            let (end, ended) = mpsc::channel::<()>();
+            rayon::scope(|scope| {
+                scope.spawn(move |_| assert!(ended.recv().is_err()));
+                write_many(&mut file, &bytes);
+                drop(end);
+            });
+            content(&mut file)
+        });
+        assert!(written == bytes);
+    }
+
+    #[test]
+    fn after_an_error_nothing_more_is_taken() {
         for threads in [1, 2] {
             with_threads(threads, || {
-                let folder = tempfile::tempdir().unwrap();
-                let path = folder.path().join("read_only");
-                std::fs::write(&path, "").unwrap();
-                let mut file = WriteBehind::new(File::open(&path).unwrap());
+                let own = tempfile::NamedTempFile::new().unwrap();
+                let read_only = || WriteBehind::new(File::open(own.path()).unwrap());
+                let mut file = read_only();
                 file.write_all(b"few").unwrap();
+                for _ in 0..2 {
+                    assert!(file.flush().unwrap_err().raw_os_error().is_some());
+                }
+                assert!(file.seek(SeekFrom::Start(0)).is_err());
+                let mut file = read_only();
+                let mut pieces = (0..=2 * MOST_WAITING).map(|_| file.write_all(&[0; CHUNK]));
+                assert!(pieces.any(|written| written.is_err()));
+                drop(pieces);
                 assert!(file.flush().is_err());
-                file.flush().unwrap();
-                let mut many = (0..MOST_WAITING + 9).map(|_| file.write_all(&[0; CHUNK]));
-                assert!(many.any(|written| written.is_err()));
             });
         }
     }

@@ -6,7 +6,7 @@
 //! blocks and not by the fabric.
 //!
 //! Method: a window is a block for each thread, which knits, locates and maps it ([`Stage::Lay`]),
-//! or a whole panel where yarns are moved apart. All blocks of a window go through each later stage
+//! fewer where they are large, or a whole panel where yarns are moved apart. All blocks of a window go through each later stage
 //! in parallel before the next one begins. A yarn depends on no other yarn, so the result is the
 //! same for any number of threads.
 //!
