@@ -1,8 +1,8 @@
 //! Benchmarks of writing tubes to files, for each vertex.
 //!
 //! 26180 stitches of tricot on the shipped skirt. The tubes are made beforehand; the files go to a
-//! temporary folder; the system's share of the CPU time counts too. `bytes` only copies as many
-//! bytes as the `.glb` has from memory to a file, which is a lower bound for every writer.
+//! temporary folder; the system's share of the CPU time counts too. `bytes` hands as many bytes as
+//! the `.glb` has from memory to a file, which is a lower bound for every writer.
 
 use std::path::Path;
 

@@ -338,8 +338,8 @@ fn chains_that_are_joined_as_in_names_are_those_of_several_bars() {
 }
 
 /// Of every file but the report, which has times in it.
-const ENDINGS: [&str; 11] =
-    ["png", "glb", "csv", "obj", "ply", "html", "usda", "bcc", "curves.txt", "inp", "npz"];
+const ENDINGS: [&str; 12] =
+    ["png", "glb", "csv", "obj", "ply", "html", "usda", "usdc", "bcc", "curves.txt", "inp", "npz"];
 
 #[test]
 fn every_output_is_the_same_on_one_and_on_two_threads() {

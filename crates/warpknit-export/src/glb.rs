@@ -129,9 +129,9 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         &mut self,
         block: &Block,
         prepared: &PreparedBlock,
-        of: BarGrid,
+        bar_grid: BarGrid,
     ) -> Result<(), ExportError> {
-        let parent = self.nodes.bar_of(&mut self.root, block, of);
+        let parent = self.nodes.bar_of(&mut self.root, block, bar_grid);
         let arrays = prepared.arrays();
         let mut views = Vec::with_capacity(arrays.len());
         for (index, array) in arrays.iter().enumerate() {
@@ -148,7 +148,7 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
                 };
                 // The format demands bounds of positions, and of nothing else.
                 let is_position = *semantic == Semantic::Positions;
-                let bounds = is_position.then(|| match &of.grid {
+                let bounds = is_position.then(|| match &bar_grid.grid {
                     Some(grid) => [part.low, part.high].map(|corner| grid.corner(corner)),
                     None => [part.low, part.high],
                 });
@@ -280,9 +280,9 @@ impl<W: Write + Seek + Send> Sink<W> for GlbWriter<W> {
             })
             .collect();
         full.par_iter_mut()
-            .for_each(|(of, _, prepared)| prepared.encode(of.grid.as_ref(), options));
-        for (of, block, prepared) in full {
-            self.add(block, prepared, of)?;
+            .for_each(|(bar_grid, _, prepared)| prepared.encode(bar_grid.grid.as_ref(), options));
+        for (bar_grid, block, prepared) in full {
+            self.add(block, prepared, bar_grid)?;
         }
         self.prepared = prepared;
         // Refused now, and not when the disk is full of bytes that the header can't count.

@@ -44,7 +44,7 @@ pub(super) struct BarGrid {
 /// The node of a panel's bar.
 #[derive(Clone, Copy, Debug)]
 struct BarNode {
-    of: BarGrid,
+    bar_grid: BarGrid,
     node: Index<json::Node>,
 }
 
@@ -71,20 +71,20 @@ impl NodeTree {
     /// where the last grid doesn't hold them. Blocks are given theirs in order.
     pub(super) fn grid_of(&mut self, block: &Block, own: [Vec3; 2]) -> BarGrid {
         let (panel, bar) = (block.panel, block.bar);
-        let is_own = |of: &BarGrid| {
-            (of.panel, of.bar) == (panel, bar)
-                && of.grid.as_ref().is_none_or(|grid| grid.holds(own))
+        let is_own = |bar_grid: &BarGrid| {
+            (bar_grid.panel, bar_grid.bar) == (panel, bar)
+                && bar_grid.grid.as_ref().is_none_or(|grid| grid.holds(own))
         };
-        if let Some(of) = self.grid.filter(is_own) {
-            return of;
+        if let Some(bar_grid) = self.grid.filter(is_own) {
+            return bar_grid;
         }
         let grid = match self.options.precision {
             Precision::Quantised => Grid::around(self.panels.get(panel), own, self.radius),
             Precision::F32 => None,
         };
-        let of = BarGrid { panel, bar, grid };
-        self.grid = Some(of);
-        of
+        let bar_grid = BarGrid { panel, bar, grid };
+        self.grid = Some(bar_grid);
+        bar_grid
     }
 
     /// The node of a block's panel and bar, with that grid.
@@ -92,12 +92,12 @@ impl NodeTree {
         &mut self,
         root: &mut Root,
         block: &Block,
-        of: BarGrid,
+        bar_grid: BarGrid,
     ) -> Index<json::Node> {
-        if let Some(current) = self.current.filter(|current| current.of == of) {
+        if let Some(current) = self.current.filter(|current| current.bar_grid == bar_grid) {
             return current.node;
         }
-        let BarGrid { panel, bar, grid } = of;
+        let BarGrid { panel, bar, grid } = bar_grid;
         let name = Some(format!("panel {panel} bar {}", bar + 1));
         self.origin = (block.origin / 1000.0).as_vec3();
         let node = root.push(json::Node {
@@ -107,7 +107,7 @@ impl NodeTree {
             ..json::Node::default()
         });
         self.bars.push(node);
-        self.current = Some(BarNode { of, node });
+        self.current = Some(BarNode { bar_grid, node });
         node
     }
 

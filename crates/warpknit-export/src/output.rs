@@ -175,6 +175,11 @@ mod tests {
         output.seal().unwrap().publish().unwrap();
         assert_eq!(std::fs::read_to_string(&target).unwrap(), "new");
         assert_eq!(files_in(folder.path()), ["yarns.obj"]);
+
+        let mut output = Output::create(&target).unwrap();
+        output.write_with(|file| file.write_all(b"not sealed")).unwrap();
+        output.publish().unwrap();
+        assert_eq!(std::fs::read_to_string(&target).unwrap(), "not sealed");
     }
 
     #[test]

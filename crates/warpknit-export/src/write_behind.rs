@@ -5,7 +5,7 @@
 //!
 //! Method: full chunks wait in a queue. A thread holds the file's lock from taking a chunk to having
 //! written it, so chunks reach the file in order. When too many chunks wait, the thread that makes
-//! bytes writes one itself. In a pool of one thread it writes all of them.
+//! bytes writes one itself, for each that it adds. In a pool of one thread it writes all of them.
 //!
 //! Cost: one more copy in memory; the system takes about ten times as long for its own. All files
 //! together keep at most [`MOST_WAITING`] chunks, and each keeps [`MOST_SPARE`] for later use. Not
@@ -31,7 +31,7 @@ static WAITING: AtomicUsize = AtomicUsize::new(0);
 
 /// A file that is written behind.
 ///
-/// Dropped before it is flushed, it loses what waits. After an error it takes nothing more.
+/// Dropped before it is flushed, it loses what waits. After an error it writes nothing more.
 #[derive(Debug)]
 pub(super) struct WriteBehind {
     /// The chunk that is being filled.
@@ -89,16 +89,18 @@ impl WriteBehind {
 
     /// Sees to it that a thread writes what waits.
     fn write_waiting(&self) {
-        if rayon::current_num_threads() == 1 || WAITING.load(Ordering::Relaxed) > MOST_WAITING {
+        let is_alone = rayon::current_num_threads() == 1;
+        if is_alone || WAITING.load(Ordering::Relaxed) > MOST_WAITING {
             self.shared.write_chunk(&mut lock(&self.shared.file));
-        } else if !std::mem::replace(&mut lock(&self.shared.queue).has_task, true) {
+        }
+        if !is_alone && !std::mem::replace(&mut lock(&self.shared.queue).has_task, true) {
             add_task(Arc::downgrade(&self.shared));
         }
     }
 }
 
 /// Has the pool write what waits, unless the file is dropped before. Each chunk is a task of its
-/// own, so that the thread can go back to what others wait for.
+/// own, so that a thread which waits for others goes on when they are done.
 fn add_task(shared: Weak<Shared>) {
     rayon::spawn(move || {
         if shared.upgrade().is_some_and(|shared| shared.write_in_task()) {
@@ -108,17 +110,20 @@ fn add_task(shared: Weak<Shared>) {
 }
 
 impl Shared {
-    /// Writes a chunk, if one waits and no other thread is at the file. If so, another task is
-    /// needed. A task never waits for the file: the thread that has it could be waiting for the task.
+    /// Writes a chunk, unless another thread is at the file. True if another task is needed. A task
+    /// never waits for the file: the thread that has it could be waiting for the task.
     fn write_in_task(&self) -> bool {
         let mut file = match self.file.try_lock() {
             Ok(file) => Some(file),
             Err(TryLockError::Poisoned(file)) => Some(file.into_inner()),
             Err(TryLockError::WouldBlock) => None,
         };
-        let has_written = file.as_mut().is_some_and(|file| self.write_chunk(file));
-        lock(&self.queue).has_task = has_written;
-        has_written
+        if let Some(file) = &mut file {
+            self.write_chunk(file);
+        }
+        let mut queue = lock(&self.queue);
+        queue.has_task = file.is_some() && !queue.waiting.is_empty();
+        queue.has_task
     }
 
     /// Writes the chunk that has waited longest. False if none waits.
@@ -130,11 +135,7 @@ impl Shared {
         if queue.spare.len() < MOST_SPARE {
             queue.spare.push(chunk);
         }
-        if let Err(error) = written {
-            queue.failed.get_or_insert(error);
-            // Later bytes would be at a wrong place.
-            while queue.take().is_some() {}
-        }
+        queue.failed = written.err();
         true
     }
 
@@ -149,16 +150,25 @@ impl Shared {
 }
 
 impl Queue {
+    /// The next chunk to be written. None after an error: later bytes would be at a wrong place.
     fn take(&mut self) -> Option<Vec<u8>> {
-        let chunk = self.waiting.pop_front();
-        WAITING.fetch_sub(chunk.iter().len(), Ordering::Relaxed);
-        chunk
+        if self.failed.is_some() {
+            self.clear();
+        }
+        let chunk = self.waiting.pop_front()?;
+        WAITING.fetch_sub(1, Ordering::Relaxed);
+        Some(chunk)
+    }
+
+    fn clear(&mut self) {
+        WAITING.fetch_sub(self.waiting.len(), Ordering::Relaxed);
+        self.waiting.clear();
     }
 }
 
 impl Drop for Queue {
     fn drop(&mut self) {
-        WAITING.fetch_sub(self.waiting.len(), Ordering::Relaxed);
+        self.clear();
     }
 }
 
@@ -198,6 +208,7 @@ impl Seek for WriteBehind {
 mod tests {
     use std::io::Read as _;
     use std::sync::mpsc;
+    use std::time::{Duration, Instant};
 
     use super::*;
 
@@ -247,7 +258,9 @@ mod tests {
             let own = tempfile::NamedTempFile::new().unwrap();
             let mut file = WriteBehind::new(own.reopen().unwrap());
             file.write_all(&[1; CHUNK + 1]).unwrap();
+            let begun = Instant::now();
             while own.as_file().metadata().unwrap().len() < CHUNK as u64 {
+                assert!(begun.elapsed() < Duration::from_secs(60), "no task writes");
                 std::thread::yield_now();
             }
         });
@@ -262,11 +275,33 @@ mod tests {
             rayon::scope(|scope| {
                 scope.spawn(move |_| assert!(ended.recv().is_err()));
                 write_many(&mut file, &bytes);
+                let written = lock(&file.shared.file).metadata().unwrap().len();
+                assert!(written >= 9 * CHUNK as u64, "more than the limit wait");
                 drop(end);
             });
             content(&mut file)
         });
         assert!(written == bytes);
+    }
+
+    #[test]
+    fn a_task_does_not_wait_for_the_file_and_a_later_chunk_has_another() {
+        with_threads(2, || {
+            let mut file = WriteBehind::new(tempfile::tempfile().unwrap());
+            let (end, ended) = mpsc::channel::<()>();
+            rayon::scope(|scope| {
+                scope.spawn(move |_| assert!(ended.recv().is_err()));
+                write_many(&mut file, &[1; CHUNK + 1]);
+                let shared = Arc::clone(&file.shared);
+                let at_file = lock(&shared.file);
+                assert!(!shared.write_in_task() && !lock(&shared.queue).has_task);
+                drop(at_file);
+                // Also where so many wait that this thread writes one itself.
+                write_many(&mut file, &many());
+                assert!(lock(&shared.queue).has_task);
+                drop(end);
+            });
+        });
     }
 
     #[test]

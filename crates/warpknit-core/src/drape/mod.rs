@@ -5,10 +5,10 @@
 //! given tubes. Then its memory is used for a later block. So memory is bounded by a window of
 //! blocks and not by the fabric.
 //!
-//! Method: a window is a block for each thread, which knits, locates and maps it ([`Stage::Lay`]),
-//! fewer where they are large, or a whole panel where yarns are moved apart. All blocks of a window go through each later stage
-//! in parallel before the next one begins. A yarn depends on no other yarn, so the result is the
-//! same for any number of threads.
+//! Method: a window is a block for each thread, which knits, locates and maps it ([`Stage::Lay`]).
+//! Of large blocks there are fewer. Where yarns are moved apart, a window is a whole panel. All
+//! blocks of a window go through each later stage in parallel before the next one begins. A yarn
+//! depends on no other yarn, so the result is the same for any number of threads.
 //!
 //! Cost: linear in the stitches. Not promised: yarns that know of each other across panels; each
 //! panel is laid out on its own.
