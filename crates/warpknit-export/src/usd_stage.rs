@@ -152,8 +152,7 @@ pub(super) fn each_span(
         return;
     }
     take((points[0] + block.origin).as_vec3());
-    for index in 0..points.len() - 1 {
-        let span = curve::span(points, index);
+    for span in curve::spans(points) {
         reach(Some(&span));
         for control in &span.bezier()[1..] {
             take((*control + block.origin).as_vec3());

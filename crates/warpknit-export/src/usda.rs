@@ -211,15 +211,14 @@ fn add_value(text: &mut Buffer, value: std::fmt::Arguments<'_>) {
 
 /// The yarn's length up to each of its points, as a texture coordinate along it.
 fn add_lengths(points: &[DVec3], text: &mut Buffer) {
+    let mut spans = curve::spans(points);
     let mut length = 0.0;
-    for index in 0..points.len() {
+    for _ in points {
         text.write_str("(0, ").expect("memory takes all text");
         numbers(text, [narrow(length)], b' ');
         text.write_str("), ").expect("memory takes all text");
         // The arc length of the curve, not of its chord: textures don't stretch in bends.
-        if index + 1 < points.len() {
-            length += curve::span(points, index).length();
-        }
+        length += spans.next().map_or(0.0, |span| span.length());
     }
 }
 

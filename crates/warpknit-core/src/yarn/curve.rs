@@ -115,12 +115,40 @@ impl Span {
 #[inline]
 #[must_use]
 pub fn span(points: &[DVec3], index: usize) -> Span {
+    let control = control(points, index);
+    span_with(&control, knot_intervals(&control))
+}
+
+/// All spans of a path, in order: the same as of [`span`], bit by bit.
+///
+/// Cost: one square root of a distance and a few dozen multiplications a span. The other two knot
+/// intervals are those of the span before.
+pub fn spans(points: &[DVec3]) -> impl Iterator<Item = Span> + '_ {
+    let mut last: Option<[f64; 3]> = None;
+    (0..points.len().saturating_sub(1)).map(move |index| {
+        let control = control(points, index);
+        let intervals = match last {
+            Some([_, d0, d1]) => [d0, d1, knot_interval(control[2], control[3])],
+            None => knot_intervals(&control),
+        };
+        last = Some(intervals);
+        span_with(&control, intervals)
+    })
+}
+
+/// The four points of a span. A phantom point mirrors the inner neighbour, so that the end spans
+/// have four points as well and leave the end along the first chord.
+#[inline]
+fn control(points: &[DVec3], index: usize) -> [DVec3; 4] {
     let (p1, p2) = (points[index], points[index + 1]);
-    // A phantom point mirrors the inner neighbour, so that the end spans have four points as well
-    // and leave the end along the first chord.
     let p0 = if index == 0 { 2.0 * p1 - p2 } else { points[index - 1] };
     let p3 = points.get(index + 2).copied().unwrap_or(2.0 * p2 - p1);
-    let [d0, d1, d2] = knot_intervals(&[p0, p1, p2, p3]);
+    [p0, p1, p2, p3]
+}
+
+/// The span between the second and the third of four points with these knot intervals.
+#[inline]
+fn span_with(&[p0, p1, p2, p3]: &[DVec3; 4], [d0, d1, d2]: [f64; 3]) -> Span {
     // The slopes at p1 and p2 are those of Barry and Goldman's non-uniform Catmull-Rom spline,
     // scaled by d1 so that t runs over 0..1 instead of over the knot interval.
     // Each division is done once for all three coordinates, since divisions cost most here.
@@ -135,7 +163,12 @@ pub fn span(points: &[DVec3], index: usize) -> Span {
 /// Centripetal knot intervals: square roots of the chord lengths.
 #[inline]
 fn knot_intervals(p: &[DVec3; 4]) -> [f64; 3] {
-    std::array::from_fn(|i| p[i].distance(p[i + 1]).max(f64::from(MIN_CHORD)).sqrt())
+    std::array::from_fn(|i| knot_interval(p[i], p[i + 1]))
+}
+
+#[inline]
+fn knot_interval(from: DVec3, to: DVec3) -> f64 {
+    from.distance(to).max(f64::from(MIN_CHORD)).sqrt()
 }
 
 /// A span as weights of its four points. A solver uses it to move the points so that a place of the
@@ -243,6 +276,19 @@ pub(crate) fn nearest_on_segment(start: DVec3, direction: DVec3, point: DVec3) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn all_spans_of_a_path_are_those_one_by_one() {
+        for count in [0, 1, 2, 3, 9] {
+            let place = |at: f64| DVec3::new(at, (3.7 * at).sin(), 0.1 * at * at);
+            let mut points: Vec<_> = (0..count).map(|at| place(f64::from(at))).collect();
+            // Two points in one place.
+            points.extend(points.last().copied());
+            let all: Vec<_> = spans(&points).map(|span| span.cubic()).collect();
+            let each = (0..points.len().saturating_sub(1)).map(|at| span(&points, at).cubic());
+            assert_eq!(all, each.collect::<Vec<_>>());
+        }
+    }
 
     #[test]
     fn bezier_points_give_the_span() {
