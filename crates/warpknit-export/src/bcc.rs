@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::patched_header::PatchedHeader;
 use super::{ClothInfo, Companion, Destination, ExportError, Sink, lines};
 use warpknit_core::drape::Block;
@@ -86,7 +86,7 @@ pub struct BccWriter<W> {
     st: u32,
     curves: u64,
     points: u64,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 impl<W: Write + Seek + Send> BccWriter<W> {
@@ -97,7 +97,7 @@ impl<W: Write + Seek + Send> BccWriter<W> {
     pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let file = PatchedHeader::create(target, Some(size_of::<BccHeader>()))?;
         let st = cloth.section.st;
-        Ok(Self { file, st, curves: 0, points: 0, buffers: Buffers::default() })
+        Ok(Self { file, st, curves: 0, points: 0, buffers: BufferPool::default() })
     }
 }
 

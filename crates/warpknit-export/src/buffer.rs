@@ -55,12 +55,12 @@ impl fmt::Write for Buffer {
 
 /// Makes bytes of items in parallel, one item a thread, and writes them in order.
 #[derive(Debug, Default)]
-pub(super) struct Buffers {
+pub(super) struct BufferPool {
     /// They keep their memory: after the first items nothing is allocated.
     buffers: Vec<Buffer>,
 }
 
-impl Buffers {
+impl BufferPool {
     /// Writes all items. `make` puts an item's bytes into an empty buffer.
     ///
     /// # Errors
@@ -95,7 +95,7 @@ mod tests {
         let expected: String = items.iter().map(u32::to_string).collect();
         for threads in [1, 2, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let (mut buffers, mut written) = (Buffers::default(), Vec::new());
+            let (mut buffers, mut written) = (BufferPool::default(), Vec::new());
             for items in items.chunks(34) {
                 let make = |item: &u32, buffer: &mut Buffer| {
                     fmt::Write::write_str(buffer, &item.to_string()).unwrap();

@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::{ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::drape::strands::{CUT, Strand};
@@ -25,7 +25,7 @@ pub const HEADER: &str = "panel,bar,yarn,course,wale,kind,point,triangle,\
 pub struct CsvWriter<'a, W> {
     target: Destination<W>,
     panels: &'a [Panel],
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 impl<'a, W: Write + Seek + Send> CsvWriter<'a, W> {
@@ -35,7 +35,7 @@ impl<'a, W: Write + Seek + Send> CsvWriter<'a, W> {
     /// [`ExportError::Io`].
     pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'a>) -> Result<Self, ExportError> {
         target.write(HEADER.as_bytes())?;
-        Ok(Self { target, panels: cloth.panels, buffers: Buffers::default() })
+        Ok(Self { target, panels: cloth.panels, buffers: BufferPool::default() })
     }
 }
 

@@ -9,7 +9,7 @@
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::digits::numbers;
 use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle, lines};
 use warpknit_core::drape::Block;
@@ -21,7 +21,7 @@ pub struct CurvesWriter<W> {
     st: u32,
     /// Each bar's radius, mm.
     radii: Vec<f32>,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 impl<W: Write + Seek + Send> CurvesWriter<W> {
@@ -31,7 +31,7 @@ impl<W: Write + Seek + Send> CurvesWriter<W> {
     /// None: nothing is written before the first block.
     pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let radii = cloth.strands.iter().map(StrandStyle::radius_f32).collect();
-        Ok(Self { target, st: cloth.section.st, radii, buffers: Buffers::default() })
+        Ok(Self { target, st: cloth.section.st, radii, buffers: BufferPool::default() })
     }
 }
 

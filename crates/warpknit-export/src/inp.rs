@@ -20,7 +20,7 @@
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::digits::numbers;
 use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle, lines};
 use glam::Vec3;
@@ -81,7 +81,7 @@ pub struct InpWriter<W> {
     sets: Vec<ElementSet>,
     /// Nodes so far.
     nodes: u64,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 impl<W: Write + Seek + Send> InpWriter<W> {
@@ -104,7 +104,7 @@ impl<W: Write + Seek + Send> InpWriter<W> {
             styles: cloth.strands.clone(),
             sets: Vec::new(),
             nodes: 0,
-            buffers: Buffers::default(),
+            buffers: BufferPool::default(),
         })
     }
 

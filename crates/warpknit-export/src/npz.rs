@@ -19,7 +19,7 @@ use glam::DVec3;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::csv::check_panels;
 use super::spool::Spool;
 use super::{ClothInfo, Destination, ExportError, Sink};
@@ -97,7 +97,7 @@ pub struct NpzWriter<'a, W> {
     /// Each bar's radius, mm, and colour.
     bars: Vec<(f64, [u8; 3])>,
     options: NpzOptions,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 impl<'a, W: Write + Seek + Send> NpzWriter<'a, W> {
@@ -109,7 +109,7 @@ impl<'a, W: Write + Seek + Send> NpzWriter<'a, W> {
         let spools = ARRAYS.iter().map(|_| target.spool()).collect::<Result<_, _>>()?;
         let bars = cloth.strands.iter().map(|style| (style.radius, style.color.0)).collect();
         let (panels, options) = (cloth.panels, cloth.npz);
-        Ok(Self { target, panels, spools, bars, options, buffers: Buffers::default() })
+        Ok(Self { target, panels, spools, bars, options, buffers: BufferPool::default() })
     }
 }
 

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::digits::{add_line, decimal, thrice, word};
 use super::lines::in_file;
 use super::texture::TextureSet;
@@ -27,7 +27,7 @@ pub struct ObjWriter<W> {
     axes: Axes,
     /// Vertices written so far.
     vertices: u64,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 impl<W: Write + Seek + Send> ObjWriter<W> {
@@ -38,7 +38,7 @@ impl<W: Write + Seek + Send> ObjWriter<W> {
     pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         target.write(mtl::obj_beginning(target.path()).as_bytes())?;
         let textures = Arc::clone(&cloth.textures);
-        Ok(Self { target, textures, axes: cloth.axes, vertices: 0, buffers: Buffers::default() })
+        Ok(Self { target, textures, axes: cloth.axes, vertices: 0, buffers: BufferPool::default() })
     }
 }
 

@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::obj::add_place;
 use super::{Axes, ClothInfo, Destination, ExportError, Sink, lines, mtl};
 use warpknit_core::drape::Block;
@@ -18,7 +18,7 @@ pub struct ObjLinesWriter<W> {
     axes: Axes,
     /// Points written so far.
     points: u64,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 impl<W: Write + Seek + Send> ObjLinesWriter<W> {
@@ -29,7 +29,7 @@ impl<W: Write + Seek + Send> ObjLinesWriter<W> {
     pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         target.write(mtl::obj_beginning(target.path()).as_bytes())?;
         let (st, axes) = (cloth.section.st, cloth.axes);
-        Ok(Self { target, st, axes, points: 0, buffers: Buffers::default() })
+        Ok(Self { target, st, axes, points: 0, buffers: BufferPool::default() })
     }
 }
 

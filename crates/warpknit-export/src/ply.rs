@@ -13,7 +13,7 @@ use std::ops::Range;
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::lines::in_file;
 use super::patched_header::PatchedHeader;
 use super::{Axes, ClothInfo, Destination, ExportError, Sink};
@@ -55,7 +55,7 @@ pub struct PlyWriter<W> {
     strands: Vec<u32>,
     /// Vertices of all strands.
     vertices: u64,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 impl<W: Write + Seek + Send> PlyWriter<W> {
@@ -73,7 +73,7 @@ impl<W: Write + Seek + Send> PlyWriter<W> {
             colors: cloth.strands.iter().map(|style| style.color.0).collect(),
             strands: Vec::new(),
             vertices: 0,
-            buffers: Buffers::default(),
+            buffers: BufferPool::default(),
         })
     }
 }

@@ -15,7 +15,7 @@ use std::io::{self, Seek, Write};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::digits::numbers;
 use super::spool::Spool;
 use super::usd_stage::{
@@ -37,7 +37,7 @@ pub struct UsdaWriter<W> {
     curves: UsdCurves,
     current: Option<CurrentPrim>,
     attributes: Attributes,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 /// The prim that is being written.
@@ -67,7 +67,7 @@ impl<W: Write + Seek + Send> UsdaWriter<W> {
         let (styles, curves) = (cloth.strands.clone(), cloth.usd_curves);
         target.write(beginning(&styles, curves, "").as_bytes())?;
         let attributes = Attributes::create(&target, curves)?;
-        let buffers = Buffers::default();
+        let buffers = BufferPool::default();
         Ok(Self { target, styles, curves, current: None, attributes, buffers })
     }
 
@@ -140,7 +140,7 @@ impl Attributes {
     pub(super) fn add<W: Write + Seek + Send>(
         &mut self,
         blocks: &[Block],
-        buffers: &mut Buffers,
+        buffers: &mut BufferPool,
         target: &mut Destination<W>,
     ) -> Result<(), ExportError> {
         let curves = self.curves;

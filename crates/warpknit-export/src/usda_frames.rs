@@ -12,7 +12,7 @@ use std::ops::Range;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::buffer::Buffers;
+use super::buffer::BufferPool;
 use super::spool::Spool;
 use super::usd_stage::{EMPTY, UsdCurves, blocks_by_prim, bounds, union};
 use super::usda::{Attributes, add_points, beginning, extent_text, prim_beginning};
@@ -34,7 +34,7 @@ pub struct UsdaFramesWriter<W> {
     /// The prim to which the last blocks belonged.
     current: Option<usize>,
     attributes: Attributes,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 /// Where a prim's parts wait in the spool.
@@ -69,7 +69,7 @@ impl<W: Write + Seek + Send> UsdaFramesWriter<W> {
             codes: Vec::new(),
             current: None,
             attributes: Attributes::create(&target, cloth.usd_curves)?,
-            buffers: Buffers::default(),
+            buffers: BufferPool::default(),
             target,
         })
     }

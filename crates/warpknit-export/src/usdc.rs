@@ -12,7 +12,7 @@ use std::io::{self, Seek, Write};
 
 use glam::Vec3;
 
-use super::buffer::{Buffer, Buffers};
+use super::buffer::{Buffer, BufferPool};
 use super::crate_file::CrateFile;
 use super::crate_ints::WaitingNumbers;
 use super::crate_spec::{CrateType, Spec, Value, Word};
@@ -41,7 +41,7 @@ pub struct UsdcWriter<W> {
     prims: Vec<WrittenPrim>,
     current: Option<Current>,
     waiting: WaitingArrays,
-    buffers: Buffers,
+    buffers: BufferPool,
 }
 
 /// A prim, as far as it is written.
@@ -105,7 +105,7 @@ impl<W: Write + Seek + Send> UsdcWriter<W> {
             prims: Vec::new(),
             current: None,
             waiting,
-            buffers: Buffers::default(),
+            buffers: BufferPool::default(),
         })
     }
 

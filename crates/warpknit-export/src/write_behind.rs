@@ -36,12 +36,12 @@ static WAITING: AtomicUsize = AtomicUsize::new(0);
 pub(super) struct WriteBehind {
     /// The chunk that is being filled.
     chunk: Vec<u8>,
-    shared: Arc<Shared>,
+    shared: Arc<SharedFile>,
 }
 
 /// What the threads that write have in common.
 #[derive(Debug)]
-struct Shared {
+struct SharedFile {
     /// A thread that needs both locks this before the queue.
     file: Mutex<File>,
     queue: Mutex<Queue>,
@@ -61,7 +61,7 @@ struct Queue {
 impl WriteBehind {
     /// Appends to an open file.
     pub(super) fn new(file: File) -> Self {
-        let shared = Shared { file: Mutex::new(file), queue: Mutex::default() };
+        let shared = SharedFile { file: Mutex::new(file), queue: Mutex::default() };
         Self { chunk: Vec::new(), shared: Arc::new(shared) }
     }
 
@@ -101,7 +101,7 @@ impl WriteBehind {
 
 /// Has the pool write what waits, unless the file is dropped before. Each chunk is a task of its
 /// own, so that a thread which waits for others goes on when they are done.
-fn add_task(shared: Weak<Shared>) {
+fn add_task(shared: Weak<SharedFile>) {
     rayon::spawn(move || {
         if shared.upgrade().is_some_and(|shared| shared.write_in_task()) {
             add_task(shared);
@@ -109,7 +109,7 @@ fn add_task(shared: Weak<Shared>) {
     });
 }
 
-impl Shared {
+impl SharedFile {
     /// Writes a chunk, unless another thread is at the file. True if another task is needed. A task
     /// never waits for the file: the thread that has it could be waiting for the task.
     fn write_in_task(&self) -> bool {
