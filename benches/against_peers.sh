@@ -140,7 +140,7 @@ weft() {
 write() {
     heading "write, 1.8 M vertices, ms" "bytes"
     local format
-    for format in glb ply obj; do
+    for format in glb ply obj usdc; do
         own=$(bench "write/$format")
         other=$(bench write/bytes)
         row "$format" "$own" "$other"

@@ -1,4 +1,4 @@
-//! Benchmarks of writing tubes to files, for each vertex.
+//! Benchmarks of writing tubes to files, and curves to a `.usdc`, for each vertex of the tubes.
 //!
 //! 26180 stitches of tricot on the shipped skirt. The tubes are made beforehand; the files go to a
 //! temporary folder; the system's share of the CPU time counts too. `bytes` hands as many bytes as
@@ -58,7 +58,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
 
     let mut group = criterion.benchmark_group("write");
     group.sample_size(10).throughput(Throughput::Elements(vertices as u64));
-    let writers: [(&str, &dyn Fn() -> Vec<Output>); 4] = [
+    let writers: [(&str, &dyn Fn() -> Vec<Output>); 5] = [
         ("bytes", &|| {
             let mut output = Output::create(&at("bytes")).expect("a new file");
             let pieces = || (0..vertices * GLB_BYTES / bytes.len()).map(|_| &bytes);
@@ -72,6 +72,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
         ("glb", &|| write_all(&at("skirt.glb"), &info, &blocks)),
         ("obj", &|| write_all(&at("skirt.obj"), &info, &blocks)),
         ("ply", &|| write_all(&at("skirt.ply"), &info, &blocks)),
+        ("usdc", &|| write_all(&at("skirt.usdc"), &info, &blocks)),
     ];
     for (name, write) in writers {
         group.bench_function(name, |bench| {
