@@ -51,16 +51,11 @@ impl<'a> GlbArray<'a> {
         if self.semantic.is_some() {
             return meshopt::attributes(self.bytes, self.size);
         }
-        let corners: Vec<u32> = match self.component {
-            ComponentType::U16 => {
-                let corners = self.bytes.as_chunks::<2>().0.iter();
-                corners.map(|two| u16::from_le_bytes(*two).into()).collect()
-            }
-            _ => {
-                let corners = self.bytes.as_chunks::<4>().0.iter();
-                corners.map(|four| u32::from_le_bytes(*four)).collect()
-            }
-        };
-        meshopt::triangles(corners.as_chunks().0.iter().copied())
+        if self.component == ComponentType::U16 {
+            let triangles: &[[u16; 3]] = bytemuck::cast_slice(self.bytes);
+            return meshopt::triangles(triangles.iter().map(|corners| corners.map(u32::from)));
+        }
+        let triangles: &[[u32; 3]] = bytemuck::cast_slice(self.bytes);
+        meshopt::triangles(triangles.iter().copied())
     }
 }
