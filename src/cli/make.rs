@@ -97,7 +97,11 @@ fn tell_done(done: &Done, quiet: bool) {
         done.frames.map_or_else(String::new, |(made, all)| format!("{made} of {all} frames, "));
     for part in &done.parts {
         let (stitches, yarns) = (part.totals.losses.stitches, part.totals.yarns);
-        let of_all = part.whole.map_or_else(String::new, |whole| format!(" in view of {whole}"));
-        tell(quiet, &format!("{frames}{stitches} stitches{of_all}, {yarns} yarns: {}", part.files));
+        let counts = match part.whole {
+            Some(whole) if part.is_averaged => format!("{whole} stitches, too small to be seen"),
+            Some(whole) => format!("{stitches} stitches in view of {whole}, {yarns} yarns"),
+            None => format!("{stitches} stitches, {yarns} yarns"),
+        };
+        tell(quiet, &format!("{frames}{counts}: {}", part.files));
     }
 }

@@ -4,6 +4,7 @@
 //! be knitted for the pictures, and that of the loupe, which is a picture from much nearer.
 
 use std::convert::Infallible;
+use std::sync::Arc;
 
 use glam::Vec3;
 use image::RgbaImage;
@@ -11,7 +12,7 @@ use image::RgbaImage;
 use super::RunError;
 use super::clock::{Clock, Task};
 use super::edges;
-use super::estimates::picture_bytes;
+use super::estimates::{has_masks, picture_bytes};
 use super::fibres::Fibres;
 use super::job::Job;
 use super::loupe::Loupe;
@@ -19,22 +20,28 @@ use super::pictures::{self, Pictures};
 use super::setup::Setup;
 use super::views::{self, InView};
 use crate::drape::{self, Block, Cloth};
+use crate::render::averaged::{self, AveragedCloth};
 use crate::render::scene::Scene;
-use crate::render::{Camera, RenderOptions, cloth};
+use crate::render::{Camera, RenderOptions, RendererChoice, cloth};
 
 /// What pictures show of a cloth.
 pub(super) struct Drawn<'a> {
     /// The cloth that pictures need, and its part of the whole.
     shown: ShownCloth<'a>,
+    /// The cloth as a surface, and the share of the pictures that show it.
+    averaged: Option<(Arc<AveragedCloth>, f32)>,
     loupe: Option<(Loupe, ShownCloth<'a>)>,
     /// Memory that the run needs for pictures, bytes.
     pub(super) bytes: f64,
 }
 
-/// The cloth that cameras see.
-struct ShownCloth<'a> {
-    /// What is in view. `None` for all.
-    in_view: Option<(InView, Cloth<'a>)>,
+/// The yarns that cameras see.
+enum ShownCloth<'a> {
+    All,
+    /// Those in view.
+    InView(InView, Cloth<'a>),
+    /// None, since no pixel shows a yarn.
+    Averaged(Cloth<'a>),
 }
 
 impl<'a> Drawn<'a> {
@@ -53,14 +60,16 @@ impl<'a> Drawn<'a> {
         let of_cameras = |cameras: &[Camera], options: &RenderOptions| {
             let found = (!job.is_swatch)
                 .then(|| InView::of_cameras(job.cloth, scene, cameras, options, has_fibres));
-            ShownCloth {
-                in_view: found.flatten().map(|found| {
-                    let cloth = found.cloth(job.cloth, &job.options);
-                    (found, cloth)
-                }),
-            }
+            found.flatten().map_or(ShownCloth::All, |found| {
+                let cloth = found.cloth(job.cloth, &job.options);
+                ShownCloth::InView(found, cloth)
+            })
         };
-        let shown = of_cameras(&cameras, &whole);
+        let averaged = averaged(job, scene, &cameras, &whole);
+        let shown = match &averaged {
+            Some((_, share)) if *share >= 1.0 => ShownCloth::Averaged(job.cloth.bare()),
+            _ => of_cameras(&cameras, &whole),
+        };
         let bytes = |shown: &ShownCloth<'a>, cameras: &[Camera], options: &RenderOptions| {
             picture_bytes(shown.cloth(job), job.shown, scene, cameras, &job.options, options)
         };
@@ -76,7 +85,7 @@ impl<'a> Drawn<'a> {
             needed = needed.max(bytes(&shown, &cameras, &options));
             (loupe, shown)
         });
-        Ok(Self { shown, loupe, bytes: needed })
+        Ok(Self { shown, averaged, loupe, bytes: needed })
     }
 
     /// The cloth that pictures need.
@@ -84,9 +93,24 @@ impl<'a> Drawn<'a> {
         self.shown.cloth(job)
     }
 
+    /// Stitches of the cloth that pictures show.
+    pub(super) fn stitches(&self, job: &Job<'_>) -> u64 {
+        if self.is_averaged() { job.cloth.stitches() } else { self.cloth(job).stitches() }
+    }
+
     /// Whether pictures show only a part of the cloth.
     pub(super) fn is_part(&self) -> bool {
-        self.shown.in_view.is_some()
+        matches!(self.shown, ShownCloth::InView(..))
+    }
+
+    /// Whether pictures show no yarns but those of seams.
+    pub(super) fn is_averaged(&self) -> bool {
+        matches!(self.shown, ShownCloth::Averaged(_))
+    }
+
+    /// The cloth as a surface, and the share of the pictures that show it.
+    pub(super) fn averaged(&self) -> Option<&(Arc<AveragedCloth>, f32)> {
+        self.averaged.as_ref()
     }
 
     /// Adds a block of the cloth that pictures need to a scene.
@@ -123,15 +147,41 @@ impl<'a> Drawn<'a> {
 
 impl<'a> ShownCloth<'a> {
     fn cloth<'b>(&'b self, job: &'b Job<'a>) -> &'b Cloth<'a> {
-        self.in_view.as_ref().map_or(job.cloth, |(_, cloth)| cloth)
+        match self {
+            Self::All => job.cloth,
+            Self::InView(_, cloth) | Self::Averaged(cloth) => cloth,
+        }
     }
 
     fn add_to(&self, scene: &mut Scene, block: &Block) {
-        match &self.in_view {
-            Some((in_view, _)) => in_view.add_to(scene, block),
-            None => cloth::add_to(scene, block),
+        match self {
+            Self::InView(in_view, _) => in_view.add_to(scene, block),
+            Self::All | Self::Averaged(_) => cloth::add_to(scene, block),
         }
     }
+}
+
+/// A garment's cloth as a surface, where its pictures are from so far away that no pixel shows a stitch,
+/// with the share of the pictures that show it. Only the processor draws such cloth, and none whose
+/// fibres someone asked for.
+fn averaged(
+    job: &Job<'_>,
+    scene: &Scene,
+    cameras: &[Camera],
+    options: &RenderOptions,
+) -> Option<(Arc<AveragedCloth>, f32)> {
+    let is_far = !job.is_swatch
+        && job.settings.fibres != Some(true)
+        && options.renderer != RendererChoice::Gpu
+        && has_masks(scene, scene.extent, cameras, options);
+    let extent = scene.extent.filter(|_| is_far)?;
+    let shares = cameras.iter().map(|camera| averaged::share(job.shown, &extent, camera, options));
+    let share = shares.fold(1.0, f32::min);
+    if share <= 0.0 {
+        return None;
+    }
+    let cloth = AveragedCloth::new(job.cloth.garment(), job.shown, job.cloth.pattern(), scene)?;
+    Some((Arc::new(cloth), share))
 }
 
 /// The loupe of a garment's only picture.

@@ -20,7 +20,7 @@ use super::limits::{
 };
 use super::messages::Messages;
 use super::notes;
-use super::pictures::Pictures;
+use super::pictures::{FarLook, Look, Pictures};
 use super::set;
 use super::settings::Wanted;
 use super::setup::Setup;
@@ -111,7 +111,7 @@ impl Gathered {
         self.picture = (!job.is_swatch).then(|| PictureReport {
             wales_per_cm: job.shown.wales_per_cm,
             courses_per_cm: job.shown.courses_per_cm,
-            stitches: drawn.cloth(job).stitches(),
+            stitches: drawn.stitches(job),
             loupe: loupe
                 .map(|loupe| LoupeReport { at: loupe.place.to_array(), times: loupe.times }),
         });
@@ -198,11 +198,12 @@ impl<'a> Prepared<'a> {
         let mut strain = vec![StrainCounts::default(); job.cloth.garment().panels.len()];
         let (totals, draped) = lay(job, (&setup.options, radius), receivers, &mut strain, clock)?;
         cache.keep(job.cloth);
-        let is_in_view = is_only_drawn
-            && job.part.is_none()
-            && pictures.as_ref().is_some_and(|(drawn, _)| drawn.is_part());
+        let drawn = pictures.as_ref().map(|(drawn, _)| drawn);
+        let drawn = drawn.filter(|_| is_only_drawn && job.part.is_none());
+        let (is_averaged, is_in_view) =
+            (drawn.is_some_and(Drawn::is_averaged), drawn.is_some_and(Drawn::is_part));
         // A part of the cloth can be without yarns while the whole has some.
-        if job.part.is_none() && !is_in_view {
+        if job.part.is_none() && !is_in_view && !is_averaged {
             check_laid(&totals)?;
         }
         all.messages.warn(loss_warning(&totals), clock);
@@ -216,12 +217,19 @@ impl<'a> Prepared<'a> {
                 points.clone_from(&scene.positions);
             }
             let inset = drawn.loupe().zip(inset.as_ref());
-            drawing.draw(job, scene, setup.fibres.as_ref(), (&points, inset), &paths, clock)?;
+            let far = drawn.averaged().map(|(cloth, share)| {
+                let mut threads = setup.scene(job);
+                threads.extent = scene.extent;
+                edges::add_threads(&mut threads, job.threads);
+                FarLook { cloth, share: *share, threads }
+            });
+            let look = Look { scene, fibres: setup.fibres.as_ref(), far };
+            drawing.draw(job, &look, (&points, inset), &paths, clock)?;
             all.add(drawing, job, drawn, clock);
         }
         let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
-        let whole = is_in_view.then(|| job.cloth.stitches());
-        all.parts.push(Laid { totals, whole, files: names.join(" ") });
+        let whole = (is_in_view || is_averaged).then(|| job.cloth.stitches());
+        all.parts.push(Laid { totals, whole, is_averaged, files: names.join(" ") });
         Ok((job, setup, outputs, totals, draped))
     }
 }
@@ -272,9 +280,9 @@ fn lay(
     // A tile of a picture has the light and shadows of the whole cloth, a close-up takes a part of
     // it, and pictures show uneven cloth: they then need other yarns than files.
     let is_uneven = job.options.evenness == Evenness::Uneven;
-    if let Some((drawn, scene)) =
-        pictures.take_if(|(drawn, _)| job.part.is_some() || drawn.is_part() || is_uneven)
-    {
+    if let Some((drawn, scene)) = pictures.take_if(|(drawn, _)| {
+        job.part.is_some() || drawn.is_part() || drawn.is_averaged() || is_uneven
+    }) {
         let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
             blocks.iter().for_each(|block| {
                 strain[block.panel] += block.strain;

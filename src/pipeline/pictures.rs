@@ -19,9 +19,10 @@ use super::loupe::Loupe;
 use super::settings::Settings;
 use crate::export::{Output, png};
 use crate::ids::index32;
+use crate::render::averaged::AveragedCloth;
 use crate::render::scene::{Bounds, Scene};
 use crate::render::set::Set;
-use crate::render::{Camera, Painter, RenderOptions, RendererChoice};
+use crate::render::{Camera, Painter, RenderOptions, RendererChoice, tone};
 use crate::system::address_space_gb;
 
 /// Limit of the address space below which no graphics driver is looked for, GB. Drivers and their
@@ -40,6 +41,25 @@ pub(super) struct Pictures {
     pub(super) files: Vec<Output>,
 }
 
+/// What a camera sees of a cloth.
+pub(super) struct Look<'a> {
+    /// Its yarns.
+    pub(super) scene: &'a Scene,
+    /// Their fibres. Yarns that are wide enough in a picture are drawn with them.
+    pub(super) fibres: Option<&'a Fibres>,
+    /// The same from far away, if that is what pictures show.
+    pub(super) far: Option<FarLook<'a>>,
+}
+
+/// Cloth whose stitches are too small for a picture.
+pub(super) struct FarLook<'a> {
+    pub(super) cloth: &'a Arc<AveragedCloth>,
+    /// Share of the picture in which this look is mixed with the yarns.
+    pub(super) share: f32,
+    /// The threads of seams, which are drawn one by one.
+    pub(super) threads: Scene,
+}
+
 impl Pictures {
     /// No pictures yet, of cloth in this set.
     pub(super) fn new(set: Option<Arc<Set>>) -> Self {
@@ -47,17 +67,17 @@ impl Pictures {
     }
 
     /// Draws the scene, or a tile of the picture, and writes it to `paths`. With a turntable, the
-    /// paths of one output's frames follow each other. The camera sees all of `extent`. Yarns that are
-    /// wide enough in the picture are drawn with their fibres. A loupe's inset is drawn over it.
+    /// paths of one output's frames follow each other. The camera sees all of `extent`. A loupe's inset
+    /// is drawn over it.
     pub(super) fn draw(
         &mut self,
         job: &Job<'_>,
-        scene: &Scene,
-        fibres: Option<&Fibres>,
+        look: &Look<'_>,
         (extent, inset): (&[Vec3], Option<(&Loupe, &RgbaImage)>),
         paths: &[&Path],
         clock: &mut Clock<'_>,
     ) -> Result<(), RunError> {
+        let Look { scene, fibres, far } = look;
         clock.begin(Task::Render, 0.0);
         let mut options = RenderOptions { set: self.set.clone(), ..options_of(job) };
         let cameras = cameras(job.settings, &options, extent);
@@ -68,7 +88,7 @@ impl Pictures {
         options.renderer =
             processor_if(options.renderer, || has_masks(scene, around, &cameras, &options));
         let count = cameras.len();
-        let mut far = None;
+        let mut yarns = None;
         for (frame, camera) in cameras.iter().enumerate() {
             let share = |done: f64| (f64::from(index32(frame)) + done) / f64::from(index32(count));
             clock.begin(Task::Render, share(0.0));
@@ -76,17 +96,24 @@ impl Pictures {
             let progress = |done: f32| listener.progress(share(f64::from(done)));
             // The scene of yarns serves all frames and is prepared once. The scene of fibres depends on
             // the camera, so it is prepared for each frame.
-            let mut picture = match (close_up(scene, fibres, camera, &options), &mut far) {
-                (Some(close_up), _) => {
+            let mut picture = match (far, close_up(scene, *fibres, camera, &options), &mut yarns) {
+                (Some(far), _, _) if far.share >= 1.0 => {
+                    self.paint_far(far, camera, &options, &progress)?
+                }
+                (_, Some(close_up), _) => {
                     let painter = &mut Painter::new(&close_up, &options)?;
                     self.paint(painter, camera, &options, &progress)?
                 }
-                (None, Some(far)) => self.paint(far, camera, &options, &progress)?,
-                (None, None) => {
-                    let painter = far.insert(Painter::new(scene, &options)?);
+                (_, None, Some(yarns)) => self.paint(yarns, camera, &options, &progress)?,
+                (_, None, None) => {
+                    let painter = yarns.insert(Painter::new(scene, &options)?);
                     self.paint(painter, camera, &options, &progress)?
                 }
             };
+            if let Some(far) = far.as_ref().filter(|far| far.share < 1.0) {
+                let averaged = self.paint_far(far, camera, &options, &|_| ())?;
+                tone::mix(&mut picture, &averaged, far.share);
+            }
             if let Some((loupe, inset)) = inset {
                 loupe.draw(&mut picture, options.rows().start, inset);
             }
@@ -96,6 +123,18 @@ impl Pictures {
             }
         }
         Ok(())
+    }
+
+    /// Draws one picture of averaged cloth with the threads of its seams.
+    fn paint_far(
+        &mut self,
+        far: &FarLook<'_>,
+        camera: &Camera,
+        options: &RenderOptions,
+        progress: &(dyn Fn(f32) + Sync),
+    ) -> Result<RgbaImage, RunError> {
+        let options = RenderOptions { averaged: Some(Arc::clone(far.cloth)), ..options.clone() };
+        self.paint(&mut Painter::new(&far.threads, &options)?, camera, &options, progress)
     }
 
     /// Draws the inset of a loupe.

@@ -33,7 +33,7 @@ use super::limits::{check_laid, check_memory, check_stitches, locked_warning, lo
 use super::messages::Messages;
 use super::motion::Sequence;
 use super::notes;
-use super::pictures::Pictures;
+use super::pictures::{Look, Pictures};
 use super::set;
 use super::settings::Wanted;
 use super::setup::Setup;
@@ -188,7 +188,7 @@ impl<'a> PreparedSequence<'a> {
         };
         finished.extend(summary.files(job, &files.whole, &common.clock)?.0);
         finished.into_iter().try_for_each(Output::publish)?;
-        Ok((Laid { totals, whole: None, files: files.names() }, shown))
+        Ok((Laid { totals, whole: None, is_averaged: false, files: files.names() }, shown))
     }
 
     /// Knits and locates the yarns. Location is the same for all frames, because it only depends on
@@ -435,7 +435,8 @@ impl Show<'_, '_, '_> {
             let set = set::of(self.job, garment, number, extent)?;
             let mut pictures = Pictures::new(set);
             let clock = &mut self.common.clock;
-            pictures.draw(self.job, scene, fibres, (extent, None), &paths, clock)?;
+            let look = Look { scene, fibres, far: None };
+            pictures.draw(self.job, &look, (extent, None), &paths, clock)?;
             whole.extend(pictures.files);
             self.common.drawn_by = pictures.drawn_by;
             self.common.messages.note(pictures.notice, &self.common.clock);

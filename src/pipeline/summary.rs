@@ -28,6 +28,8 @@ pub struct Laid {
     pub totals: Totals,
     /// Planned stitches of the whole cloth, if only what is in view was laid.
     pub whole: Option<u64>,
+    /// Whether none was laid, because pictures show cloth in which no stitch is seen.
+    pub is_averaged: bool,
     /// Names of the files that were made of it, in one line.
     pub files: String,
 }

@@ -5,6 +5,8 @@
 
 use std::ops::Range;
 
+use glam::DVec2;
+
 use crate::scene::{Scene, SceneStrand, YarnLook};
 use warpknit_core::drape::seen::{LEAD_POINTS, Seen, Stretches};
 use warpknit_core::drape::strands::Strand;
@@ -12,6 +14,7 @@ use warpknit_core::drape::{Block, Cloth, DrapeOptions, run, swatch_panel};
 use warpknit_core::fabric::Fabric;
 use warpknit_core::fabric::yarn::Yarn;
 use warpknit_core::ids::index32;
+use warpknit_core::map::Mapping;
 
 /// Roughness of yarns in pictures and in files, 0 to 1. Most textile fibres are dull.
 pub const ROUGHNESS: f32 = 0.75;
@@ -31,6 +34,13 @@ fn yarn_look(yarn: &Yarn, radius: f64) -> YarnLook {
     let twist_slope = yarn.twist_slope().map(|slope| slope as f32);
     let look = YarnLook::plain(yarn.color.linear().into(), ROUGHNESS, radius);
     YarnLook { plies: yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
+}
+
+/// Width and height of a fabric's repeat, mm.
+pub(crate) fn repeat_size(fabric: &Fabric) -> DVec2 {
+    let count = |count: usize| f64::from(index32(count));
+    DVec2::new(count(fabric.threading_repeat()), count(fabric.repeat()))
+        * DVec2::new(fabric.wale_spacing(), fabric.course_spacing())
 }
 
 /// Appends a block's strands to a scene that has its fabric's [`looks`].
@@ -119,13 +129,19 @@ pub fn swatch(fabric: &Fabric, wales: u32, courses: u32) -> Scene {
 /// A scene of a whole cloth, drawn with the radius that the fabric gives.
 #[must_use]
 pub fn from_cloth(cloth: &Cloth<'_>, fabric: &Fabric) -> Scene {
-    with_cloth(cloth, Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() })
+    let empty = Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() };
+    with_cloth(cloth, empty)
 }
 
 /// Adds a whole cloth, as even as the scene is, to a scene that has a look for each of its bars.
 #[must_use]
-pub fn with_cloth(cloth: &Cloth<'_>, mut scene: Scene) -> Scene {
-    let options = DrapeOptions { evenness: scene.evenness, ..DrapeOptions::default() };
+pub fn with_cloth(cloth: &Cloth<'_>, scene: Scene) -> Scene {
+    with_mapped(cloth, scene, Mapping::default())
+}
+
+/// The same of cloth that is mapped in this way.
+pub(crate) fn with_mapped(cloth: &Cloth<'_>, mut scene: Scene, mapping: Mapping) -> Scene {
+    let options = DrapeOptions { evenness: scene.evenness, mapping, ..DrapeOptions::default() };
     let Ok(_totals) = run(cloth, &options, &mut |_, _| {}, &mut |blocks| {
         blocks.iter().for_each(|block| add_to(&mut scene, block));
         Ok::<(), std::convert::Infallible>(())

@@ -25,6 +25,7 @@
 //! # Ok::<(), warpknit_render::GpuError>(())
 //! ```
 
+pub mod averaged;
 pub mod camera;
 pub mod cloth;
 pub mod cpu;
@@ -62,6 +63,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::averaged::AveragedCloth;
 use crate::scene::Scene;
 use crate::set::Set;
 use image::RgbaImage;
@@ -99,6 +101,8 @@ pub struct RenderOptions {
     pub background: Background,
     /// What stands around the cloth. By default nothing.
     pub set: Option<Arc<Set>>,
+    /// Cloth that is drawn as a surface, besides the yarns of the scene. Only the processor draws it.
+    pub averaged: Option<Arc<AveragedCloth>>,
     /// Sun and sky.
     pub light: Light,
     /// Factor on the light before tone mapping.
@@ -158,6 +162,7 @@ impl Default for RenderOptions {
             sky_rays: 2,
             background: Background::default(),
             set: None,
+            averaged: None,
             light: Light::default(),
             exposure: 1.0,
             samples: 4,

@@ -146,6 +146,12 @@ impl Rig {
         (self.toward_sun + (across * cos + up * sin) * r).normalize()
     }
 
+    /// The same light with the sun and the brightest sky in these unit directions, in other axes than the
+    /// world's.
+    pub(super) fn seen_from(&self, toward_sun: Vec3, zenith: Vec3) -> Self {
+        Self { toward_sun, zenith, ..*self }
+    }
+
     /// Radiance of the sky in a unit direction.
     #[must_use]
     pub fn sky(&self, direction: Vec3) -> Vec3 {

@@ -7,6 +7,7 @@
 //! appears exactly as given. `shaders/tone.wgsl` repeats this file, and a test compares the two.
 
 use glam::{Vec3, Vec4};
+use image::RgbaImage;
 use std::str::FromStr;
 
 /// Linear value above which highlights are compressed. Lower values change the yarns' colours;
@@ -114,6 +115,14 @@ pub fn blend(pixel: [u8; 4], behind: Vec4, exposure: f32, background: Background
     let [r, g, b, alpha] = pixel.map(|code| f32::from(code) / 255.0);
     let yarn = Vec3::from_array([r, g, b].map(linear));
     over((yarn, alpha), toned(behind, exposure), background)
+}
+
+/// Mixes a picture with a share, 0 to 1, of another one of the same size.
+pub fn mix(picture: &mut RgbaImage, other: &RgbaImage, share: f32) {
+    for (own, other) in picture.iter_mut().zip(other.iter()) {
+        let mixed = f32::from(*own) * (1.0 - share) + f32::from(*other) * share;
+        *own = byte(mixed / 255.0);
+    }
 }
 
 /// The tone curve: identity up to [`SHOULDER`], then 1 - e^-x, which joins it with the same slope.

@@ -11,6 +11,7 @@
 //! on the number of threads, and a few rows of a picture are the same whether they are drawn alone
 //! or with the rest.
 
+mod averaged;
 pub(crate) mod backdrop;
 mod film;
 pub(crate) mod lit;

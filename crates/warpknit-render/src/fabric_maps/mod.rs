@@ -26,6 +26,7 @@ use glam::DVec2;
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
 use rayon::prelude::*;
 
+use crate::cloth::repeat_size;
 pub use crate::cpu::endless::Side;
 use crate::cpu::endless::{EndlessCloth, PixelSums};
 use crate::scene::Scene;
@@ -33,7 +34,7 @@ pub use plane::MappedPlane;
 use warpknit_core::fabric::Fabric;
 use warpknit_core::knit::Pattern;
 use warpknit_core::number::whole_f64;
-use yarns::{RepeatScene, TiledYarn, repeat_size, repeat_yarns};
+use yarns::{RepeatScene, TiledYarn, repeat_yarns};
 
 /// Rays of a pixel. With a quarter of them occlusion is grainy: its noise is 3 % with this number.
 pub const RAYS: u32 = 64;

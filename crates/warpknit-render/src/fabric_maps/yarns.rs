@@ -12,6 +12,7 @@ use glam::{DVec2, DVec3};
 
 use super::FabricMapsError;
 use super::closed_path::{ClosedPath, Copies};
+use crate::cloth::repeat_size;
 use crate::light::SKY_REACH_RADII;
 use crate::paths::YarnPaths;
 use crate::ply;
@@ -39,13 +40,6 @@ pub(super) struct TiledYarn {
     pub(super) points: Vec<DVec3>,
     /// From a point to the same point in the next repeat, mm.
     period: DVec3,
-}
-
-/// Width and height of a fabric's repeat, mm.
-pub(super) fn repeat_size(fabric: &Fabric) -> DVec2 {
-    let count = |count: usize| f64::from(index32(count));
-    DVec2::new(count(fabric.threading_repeat()), count(fabric.repeat()))
-        * DVec2::new(fabric.wale_spacing(), fabric.course_spacing())
 }
 
 impl RepeatScene {

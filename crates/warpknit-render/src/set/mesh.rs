@@ -24,6 +24,9 @@ use crate::scene::Bounds;
 /// Cosine between ray and triangle from which on yarns are no deeper in its skin along the ray.
 const FLATTEST: f32 = 0.3;
 
+/// Fraction of the light that counts as none: less than a step of a pixel's value.
+const DARK: f32 = 0.01;
+
 /// A surface of triangles, mm.
 #[derive(Debug)]
 pub struct Mesh {
@@ -106,6 +109,11 @@ impl Mesh {
         (&self.positions, &self.normals)
     }
 
+    /// The corners of each triangle, as numbers of vertices.
+    pub(crate) fn triangles(&self) -> &[[u32; 3]] {
+        &self.corners
+    }
+
     /// The corners' places of each triangle.
     pub(crate) fn corners(&self) -> impl ParallelIterator<Item = [Vec3; 3]> {
         self.corners.par_iter().map(|corners| corners.map(|vertex| self.positions[vertex as usize]))
@@ -113,7 +121,17 @@ impl Mesh {
 
     /// The nearest triangle along a ray from `from` in the unit direction `toward`.
     pub(crate) fn nearest(&self, from: Vec3, toward: Vec3) -> Option<MeshHit> {
-        let (ray, mut hit) = (ray(from, toward, [0.0, f32::INFINITY]), RayHit::none());
+        self.nearest_within(from, toward, [0.0, f32::INFINITY])
+    }
+
+    /// The same within these distances.
+    pub(crate) fn nearest_within(
+        &self,
+        from: Vec3,
+        toward: Vec3,
+        within: [f32; 2],
+    ) -> Option<MeshHit> {
+        let (ray, mut hit) = (ray(from, toward, within), RayHit::none());
         if !self.tree.ray_traverse(ray, &mut hit, |ray, slot| self.of(slot).intersect(ray)) {
             return None;
         }
@@ -145,6 +163,13 @@ impl Mesh {
         MeshSurface { place, normal }
     }
 
+    /// Whether a ray in this direction meets a triangle's front, around which its corners run
+    /// counter-clockwise.
+    pub(crate) fn is_front(&self, hit: &MeshHit, toward: Vec3) -> bool {
+        let [a, b, c] = self.corners[hit.triangle].map(|vertex| self.positions[vertex as usize]);
+        (b - a).cross(c - a).dot(toward) < 0.0
+    }
+
     /// Distance along a ray up to which yarns before the mesh, or in its skin, are seen. `None` where the
     /// ray misses the mesh.
     pub(crate) fn reach_through_skin(&self, from: Vec3, toward: Vec3) -> Option<f32> {
@@ -163,21 +188,26 @@ impl Mesh {
         !self.tree.ray_traverse_miss(ray, |ray, slot| self.of(slot).intersect(ray))
     }
 
-    /// Calls `visit` with the cosine between ray and normal for each triangle beyond a distance.
-    pub(crate) fn for_each_crossing(
+    /// The fraction of light along a ray that passes all triangles beyond a distance. `passed` is that of
+    /// one triangle, given the cosine between ray and normal. Below [`DARK`] the rest is left out.
+    pub(crate) fn passes(
         &self,
         from: Vec3,
         toward: Vec3,
         least: f32,
-        mut visit: impl FnMut(f32),
-    ) {
+        passed: impl Fn(f32) -> f32,
+    ) -> f32 {
         let ray = ray(from, toward, [least, f32::INFINITY]);
-        self.tree.ray_traverse_anyhit(ray, |ray, slot| {
+        let mut light = 1.0;
+        self.tree.ray_traverse_miss(ray, |ray, slot| {
             let triangle = self.of(slot);
             if triangle.intersect(ray).is_finite() {
-                visit(triangle.compute_normal().dot(ray.direction).abs());
+                light *= passed(triangle.compute_normal().dot(ray.direction).abs());
             }
+            // A distance ends the search.
+            if light < DARK { 0.0 } else { f32::INFINITY }
         });
+        light
     }
 
     /// What the corners of a hit triangle have, weighted.
@@ -239,9 +269,9 @@ mod tests {
                 prop_assert!(place.distance(from + toward * hit.distance) < 1e-2);
             }
             prop_assert_eq!(mesh.blocks(from, toward, [0.0, f32::INFINITY]), !distances.is_empty());
-            let mut crossings = 0;
-            mesh.for_each_crossing(from, toward, 0.0, |_| crossings += 1);
-            prop_assert_eq!(crossings, distances.len());
+            let passed = mesh.passes(from, toward, 0.0, |_| 0.9);
+            let all = (0..distances.len()).fold(1.0, |passed, _| passed * 0.9);
+            prop_assert!(passed == all || (passed < DARK && all < DARK));
         }
     }
 

@@ -20,7 +20,7 @@ use crate::environment::Environment;
 use crate::scene::Bounds;
 pub(crate) use cove::Cove;
 pub use mesh::Mesh;
-pub(crate) use mesh::MeshSurface;
+pub(crate) use mesh::{MeshHit, MeshSurface};
 
 /// What stands around the cloth.
 #[derive(Debug, Default)]
@@ -42,7 +42,7 @@ pub struct Set {
 const FLATTEST: f32 = 0.1;
 /// Length of rays by which light leaves a surface before it may be blocked, mm. A shorter one lets a
 /// surface block its own light. A longer one loses the shadow where cloth lies on a body.
-const LEAVE: f32 = 0.2;
+pub(crate) const LEAVE: f32 = 0.2;
 /// Depth in a body up to which yarns are drawn on it, and lit, mm. Cloth lies in the skin of many
 /// bodies by a millimetre or two. A larger depth would show the far side of thin limbs.
 pub(crate) const SKIN: f32 = 3.0;
@@ -76,11 +76,12 @@ impl Set {
             return 0.0;
         }
         let Some((cloth, cover)) = &self.cloth else { return 1.0 };
-        let mut passed = 1.0;
-        cloth.for_each_crossing(from, toward, LEAVE, |cosine| {
-            // Light crosses cloth obliquely along a longer way between its yarns.
-            passed *= (1.0 - cover).powf(cosine.max(FLATTEST).recip());
-        });
-        passed
+        cloth.passes(from, toward, LEAVE, |cosine| passed(*cover, cosine))
     }
+}
+
+/// Fraction of the light that passes cloth whose yarns hide this share of it, seen face on. Light crosses
+/// cloth obliquely along a longer way between its yarns.
+pub(crate) fn passed(cover: f32, cosine: f32) -> f32 {
+    (1.0 - cover).powf(cosine.max(FLATTEST).recip())
 }

@@ -43,16 +43,7 @@ impl<'a> Cloth<'a> {
     #[must_use]
     pub fn seen(&self, seen: &Seen, options: &DrapeOptions, stretches: Stretches) -> Self {
         let is_swept = self.is_swept(options);
-        let mut cloth = Self {
-            garment: self.garment,
-            pattern: self.pattern.clone(),
-            strain: self.strain.clone(),
-            thickness: self.thickness.clone(),
-            meshes: self.meshes.clone(),
-            blocks: Vec::new(),
-            yarns: self.yarns,
-            whole: Some(self.whole_stitches()),
-        };
+        let mut cloth = self.bare();
         for block in &self.blocks {
             let mut own = Vec::new();
             for yarn in &block.yarns {
@@ -62,6 +53,21 @@ impl<'a> Cloth<'a> {
             cloth.add_stretches(block, own);
         }
         cloth
+    }
+
+    /// The cloth without any of its yarns, for pictures from so far away that they need none.
+    #[must_use]
+    pub fn bare(&self) -> Self {
+        Self {
+            garment: self.garment,
+            pattern: self.pattern.clone(),
+            strain: self.strain.clone(),
+            thickness: self.thickness.clone(),
+            meshes: self.meshes.clone(),
+            blocks: Vec::new(),
+            yarns: self.yarns,
+            whole: Some(self.whole_stitches()),
+        }
     }
 
     /// The steps of a yarn that are seen or cast shadows, with their context.

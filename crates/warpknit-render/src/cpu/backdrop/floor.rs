@@ -24,6 +24,12 @@ const FADE: f32 = 0.2;
 /// Rays from each square into the sky and to the sun.
 const SKY_RAYS: u32 = 64;
 const SUN_RAYS: u32 = 16;
+/// Rays to the sun where its shadow ends.
+const SHADE_RAYS: u32 = 64;
+/// Difference of the sun's fractions around a place from which on the place needs rays of its own.
+const SHARP: f32 = 0.2;
+/// Difference of the sky's fractions in squares that are interpolated from every second one.
+const ALIKE: f32 = 0.05;
 
 /// Light in squares of the floor.
 #[derive(Debug)]
@@ -44,24 +50,32 @@ impl FloorLight {
         let side = (width as usize / PIXELS).clamp(SIDES[0], SIDES[1]);
         let step = 2.0 * REACH * cove.size / side as f32;
         let corner = cove.foot.xz() - REACH * cove.size;
-        let suns = Sampler::new(0, 0, 0).pairs(SampleDimension::Sun, SUN_RAYS);
+        let suns = Sampler::new(0, 0, 0).pairs(SampleDimension::Sun, SHADE_RAYS);
+        let place = |[column, row]: [usize; 2]| {
+            let at = corner + (Vec2::new(column as f32, row as f32) + 0.5) * step;
+            Vec3::new(at.x, cove.foot.y, at.y)
+        };
+        let sky = |square| set.open_sky(place(square), Vec3::Y, SKY_RAYS);
+        let coarse = coarse_squares(side, sky);
         let squares = (0..side * side).into_par_iter().map(|number| {
-            let place = Vec2::new((number % side) as f32, (number / side) as f32);
-            let at = corner + (place + 0.5) * step;
-            let place = Vec3::new(at.x, cove.foot.y, at.y);
-            let sun = sun_on_floor(set, rig, place, &suns, SUN_RAYS);
-            [sun, set.open_sky(place, Vec3::Y, SKY_RAYS)]
+            let square = [number % side, number / side];
+            let sun = |rays| sun_on_floor(set, rig, place(square), &suns, rays);
+            let few = sun(SUN_RAYS);
+            // More rays where the shadow ends, whose light is smooth then.
+            let sun = if few > 0.0 && few < 1.0 { sun(SHADE_RAYS) } else { few };
+            [sun, coarse_at(&coarse, side, square).unwrap_or_else(|| sky(square))]
         });
         Self { corner, side, step, squares: squares.collect() }
     }
 
-    /// The fractions at a place of the floor, or above it.
-    pub(super) fn at(&self, place: Vec3) -> [f32; 2] {
+    /// The fractions at a place of the floor, or above it, and whether the sun's shadow ends there within
+    /// a square.
+    pub(super) fn at(&self, place: Vec3) -> ([f32; 2], bool) {
         let at = (place.xz() - self.corner) / self.step - 0.5;
         let last = (self.side - 1) as f32;
         let inside = at.min(last - at).min_element();
         if inside <= 0.0 {
-            return [1.0; 2];
+            return ([1.0; 2], false);
         }
         let (corner, part) = (at.floor(), at.fract());
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside")]
@@ -69,8 +83,32 @@ impl FloorLight {
         let [top, bottom] = [first, first + self.side]
             .map(|row| mix(self.squares[row], self.squares[row + 1], part.x));
         let fade = (inside / (FADE * last / 2.0)).min(1.0);
-        mix([1.0; 2], mix(top, bottom, part.y), fade)
+        let suns = [first, first + 1, first + self.side, first + self.side + 1]
+            .map(|square| self.squares[square][0]);
+        let least = suns.into_iter().fold(f32::INFINITY, f32::min);
+        let most = suns.into_iter().fold(f32::NEG_INFINITY, f32::max);
+        (mix([1.0; 2], mix(top, bottom, part.y), fade), most - least > SHARP)
     }
+}
+
+/// What every second square of every second row has.
+fn coarse_squares(side: usize, of: impl Fn([usize; 2]) -> f32 + Sync) -> Vec<f32> {
+    let half = side.div_ceil(2);
+    let squares = (0..half * half).into_par_iter();
+    squares.map(|number| of([number % half * 2, number / half * 2])).collect()
+}
+
+/// What a square has as one of the coarse ones, or as the mean of those around it if they are alike.
+fn coarse_at(coarse: &[f32], side: usize, [column, row]: [usize; 2]) -> Option<f32> {
+    let half = side.div_ceil(2);
+    let last = half - 1;
+    let (left, right) = (column / 2, column.div_ceil(2).min(last));
+    let (above, below) = (row / 2, row.div_ceil(2).min(last));
+    let around = [(left, above), (right, above), (left, below), (right, below)]
+        .map(|(column, row)| coarse[row * half + column]);
+    let least = around.into_iter().fold(f32::INFINITY, f32::min);
+    let most = around.into_iter().fold(f32::NEG_INFINITY, f32::max);
+    (most - least <= ALIKE).then(|| around.iter().sum::<f32>() / 4.0)
 }
 
 fn mix(one: [f32; 2], other: [f32; 2], share: f32) -> [f32; 2] {

@@ -9,18 +9,23 @@
 //! Cost: a ray for each quarter of a pixel where there is a body, and four more where it is hit. The
 //! floor takes up to three million rays a picture.
 
+mod cloth;
 mod floor;
 
 use std::f32::consts::FRAC_1_PI;
+use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3, Vec4};
 
 use super::film::Splats;
 use super::sample::{SampleDimension, SampleSequence, Sampler};
+use super::to_f32;
 use crate::light::Rig;
 use crate::set::{Cove, MeshSurface, Set};
 use crate::{Camera, RenderOptions};
+use cloth::{Layer, LitCloth, spread};
 use floor::FloorLight;
+use warpknit_core::ids::index32;
 
 /// Places across and down in a pixel at which a body is looked for.
 const PLACES: u32 = 2;
@@ -28,6 +33,10 @@ const PLACES: u32 = 2;
 pub(super) const QUARTERS: usize = (PLACES * PLACES) as usize;
 /// Rays to the sun from each place of a body.
 const SUN_RAYS: u32 = 4;
+/// Cover from which on what is behind a pixel's bodies counts as hidden.
+const HIDDEN: f32 = 0.98;
+/// Difference of the fractions of sunlight within a pixel up to which a ray a quarter tells them.
+const EVENLY_LIT: f32 = 0.05;
 /// Base colour of a body, linear: a matt dummy of a warm grey. It is lighter than most skins and
 /// darker than white cloth, so that sheer cloth of any colour can be told from it.
 const BODY: Vec3 = Vec3::new(0.47, 0.40, 0.355);
@@ -79,9 +88,9 @@ fn middle_of(quarter: u32) -> Vec2 {
 }
 
 /// The set, lit for one camera.
-#[derive(Debug)]
 pub(crate) struct Backdrop<'a> {
     studio: Option<(Cove, FloorLight)>,
+    cloth: Option<LitCloth<'a>>,
     set: &'a Set,
     camera: &'a Camera,
     options: &'a RenderOptions,
@@ -92,32 +101,78 @@ pub(crate) struct Backdrop<'a> {
 impl<'a> Backdrop<'a> {
     /// Lights the set of a picture. `None` without one.
     pub(crate) fn new(camera: &'a Camera, options: &'a RenderOptions) -> Option<Self> {
-        let set = options.set.as_deref().filter(|set| !set.is_empty())?;
+        static NOTHING: LazyLock<Set> = LazyLock::new(Set::default);
+        let set = options.set.as_deref().filter(|set| !set.is_empty());
+        if set.is_none() && options.averaged.is_none() {
+            return None;
+        }
+        let set = set.unwrap_or(&NOTHING);
         let rig = options.light.around(camera);
+        let cloth = options.averaged.as_deref();
+        let cloth = cloth.and_then(|cloth| LitCloth::new(cloth, set, &rig, camera, options.height));
         let studio = set.studio.map(|bounds| {
             let cove = Cove::new(&bounds, camera);
             (cove, FloorLight::new(set, &cove, &rig, options.width))
         });
         let ahead = camera.to_world(Vec3::NEG_Z);
-        Some(Self { studio, set, camera, options, rig, ahead })
+        Some(Self { studio, cloth, set, camera, options, rig, ahead })
     }
 
     /// What a pixel sees.
     pub(crate) fn pixel(&self, pixel: [u32; 2]) -> Behind {
         let sampler = Sampler::new(pixel[0], pixel[1], self.options.seed);
-        let mut behind = Behind { light: self.far_light(pixel, &sampler), ..Behind::NOTHING };
-        let Some(body) = &self.set.body else { return behind };
-        let suns = sampler.pairs(SampleDimension::Sun, SUN_RAYS * PLACES * PLACES);
-        for (quarter, at) in (0..).zip(0..QUARTERS) {
-            let toward = self.direction(pixel, middle_of(quarter));
-            let Some(hit) = body.nearest(self.eye(), toward) else { continue };
-            let surface = body.surface(&hit, self.eye(), toward);
-            behind.reach[at] = body.skin_reach(&hit, toward) * toward.dot(self.ahead);
-            let open = body.interpolate(&hit, |vertex| Vec3::splat(self.set.sky[vertex])).x;
-            let sun = self.sun_at(&surface, |ray| suns.at(quarter * SUN_RAYS + ray));
-            behind.body[at] = self.reflected(BODY, surface.normal, sun, open).extend(1.0);
+        let mut behind = Behind::NOTHING;
+        let suns = BodySuns(sampler.pairs(SampleDimension::Sun, SUN_RAYS * PLACES * PLACES));
+        let directions = [0, 1, 2, 3].map(|quarter| self.direction(pixel, middle_of(quarter)));
+        if let Some(body) = &self.set.body {
+            for (at, toward) in directions.into_iter().enumerate() {
+                let Some(hit) = body.nearest(self.eye(), toward) else { continue };
+                let surface = body.surface(&hit, self.eye(), toward);
+                behind.reach[at] = body.skin_reach(&hit, toward) * toward.dot(self.ahead);
+                let open = body.interpolate(&hit, |vertex| Vec3::splat(self.set.sky[vertex])).x;
+                let sun = self.sun_at(&surface, |ray| suns.at(at, ray));
+                behind.body[at] = self.reflected(BODY, surface.normal, sun, open).extend(1.0);
+            }
         }
+        if let Some(cloth) = &self.cloth {
+            self.add_cloth(cloth, directions, &mut behind, &suns);
+        }
+        let is_hidden = behind.body.iter().all(|light| light.w > HIDDEN);
+        behind.light = self.far_light(pixel, &sampler, is_hidden);
         behind
+    }
+
+    /// Puts averaged cloth before what a pixel sees. Where a pixel shows one stretch of cloth, its first
+    /// quarter stands for all.
+    fn add_cloth(
+        &self,
+        cloth: &LitCloth<'_>,
+        directions: [Vec3; QUARTERS],
+        behind: &mut Behind,
+        suns: &BodySuns,
+    ) {
+        let cosines = directions.map(|toward| toward.dot(self.ahead));
+        let reach: [f32; QUARTERS] = std::array::from_fn(|at| behind.reach[at] / cosines[at]);
+        let nearest: [Option<Layer>; QUARTERS] =
+            std::array::from_fn(|at| cloth.nearest(directions[at], [0.0, reach[at]]));
+        let is_even = Layer::are_one(&nearest, |distance| self.pixel_at(distance));
+        let lit = sunlit(cloth, &nearest, is_even, suns);
+        let mut first = None;
+        for (at, layer) in nearest.iter().enumerate() {
+            let Some(layer) = layer else { continue };
+            let seen = match first {
+                Some(first) if is_even => first,
+                _ => *first.insert(cloth.behind(layer, reach[at], suns.at(at, 0))),
+            };
+            let light = seen.light + (seen.sun * lit[at]).extend(0.0);
+            behind.body[at] = light + behind.body[at] * (1.0 - seen.light.w);
+            behind.reach[at] = seen.reach * cosines[at];
+        }
+    }
+
+    /// Size of a pixel at a distance from the eye, mm.
+    fn pixel_at(&self, distance: f32) -> f32 {
+        to_f32(self.camera.pixel_size(f64::from(distance), self.options.height))
     }
 
     fn eye(&self) -> Vec3 {
@@ -130,11 +185,12 @@ impl<'a> Backdrop<'a> {
         self.camera.direction(across, up, self.options.aspect()).as_vec3()
     }
 
-    /// The light of the studio, or else of the environment. Nothing where there is neither.
-    fn far_light(&self, pixel: [u32; 2], sampler: &Sampler) -> Vec4 {
+    /// The light of the studio, or else of the environment. Nothing where there is neither. Where bodies hide
+    /// it, it may be coarse: little of it comes through the filter from the next pixel.
+    fn far_light(&self, pixel: [u32; 2], sampler: &Sampler, is_hidden: bool) -> Vec4 {
         if let Some((cove, floor)) = &self.studio {
             let toward = self.direction(pixel, Vec2::splat(0.5));
-            return self.studio_light((cove, floor), toward, sampler);
+            return self.studio_light((cove, floor), toward, (sampler, is_hidden));
         }
         let Some(environment) = &self.set.environment else { return Vec4::ZERO };
         let quarters = (0..PLACES * PLACES)
@@ -147,7 +203,7 @@ impl<'a> Backdrop<'a> {
         &self,
         (cove, floor): (&Cove, &FloorLight),
         toward: Vec3,
-        sampler: &Sampler,
+        (sampler, is_hidden): (&Sampler, bool),
     ) -> Vec4 {
         if self.eye().y <= cove.foot.y {
             return Vec4::ZERO;
@@ -155,8 +211,8 @@ impl<'a> Backdrop<'a> {
         let Some((place, normal)) = cove.hit(self.eye(), toward) else {
             return self.studio_reflects(-toward, FARTHEST, [1.0; 2]);
         };
-        let [sun, open] = floor.at(place);
-        let sun = if sun > 0.0 && sun < 1.0 {
+        let ([sun, open], is_sharp) = floor.at(place);
+        let sun = if is_sharp && !is_hidden {
             let suns = sampler.pairs(SampleDimension::Sun, FLOOR_RAYS);
             sun_on_floor(self.set, &self.rig, place, &suns, FLOOR_RAYS)
         } else {
@@ -190,6 +246,40 @@ impl<'a> Backdrop<'a> {
         let hidden = self.rig.interior * BOUNCE;
         albedo * (self.rig.sun() * (cosine * sun * FRAC_1_PI) + above.lerp(hidden, 1.0 - open))
     }
+}
+
+/// Places of the sun to which rays go from each quarter of a pixel.
+struct BodySuns(SampleSequence);
+
+impl BodySuns {
+    fn at(&self, quarter: usize, ray: u32) -> [f32; 2] {
+        self.0.at(index32(quarter) * SUN_RAYS + ray)
+    }
+}
+
+/// The fraction of the sun's light that reaches the nearest cloth in each quarter of a pixel. Where its
+/// vertices don't tell, there are rays. In a pixel of one stretch of cloth, a ray from each quarter goes to
+/// the rim of the sun first, to another side of it. Where these differ, the shadow ends, and more are needed.
+fn sunlit(
+    cloth: &LitCloth<'_>,
+    nearest: &[Option<Layer>; QUARTERS],
+    is_even: bool,
+    suns: &BodySuns,
+) -> [f32; QUARTERS] {
+    let told = nearest.map(|layer| layer.map_or(Some(0.0), |layer| cloth.told_sun(&layer)));
+    let lit = |at: usize, sun: [f32; 2]| {
+        nearest[at].as_ref().map_or(0.0, |layer| cloth.sun_at(layer, sun))
+    };
+    let traced = |at: usize| {
+        (0..SUN_RAYS).map(|ray| lit(at, suns.at(at, ray))).sum::<f32>() / SUN_RAYS as f32
+    };
+    if !is_even || told.iter().all(Option::is_some) {
+        return std::array::from_fn(|at| told[at].unwrap_or_else(|| traced(at)));
+    }
+    let rim: [f32; QUARTERS] =
+        std::array::from_fn(|at| lit(at, [1.0, at as f32 / QUARTERS as f32]));
+    let own = if spread(rim) > EVENLY_LIT { std::array::from_fn(traced) } else { rim };
+    [own.iter().sum::<f32>() / QUARTERS as f32; QUARTERS]
 }
 
 /// The fraction of the sun's light that reaches a place of the floor, by so many rays.
@@ -335,13 +425,13 @@ mod tests {
         let cove = Cove::new(&bounds, &camera);
         let rig = RenderOptions::default().light.around(&camera);
         let floor = FloorLight::new(&set, &cove, &rig, 1600);
-        let [sun, open] = floor.at(Vec3::ZERO);
+        let ([sun, open], _) = floor.at(Vec3::ZERO);
         // A square of ±50 at 80 above hides this share of the sky, weighted by the cosine.
         assert!((open - 0.671).abs() < 0.04, "{open}");
         assert!(sun == 1.0 || sun == 0.0);
-        assert_eq!(floor.at(Vec3::new(0.0, 0.0, 900.0)), [1.0; 2]);
+        assert_eq!(floor.at(Vec3::new(0.0, 0.0, 900.0)), ([1.0; 2], false));
         let shadowed =
-            (-200..200_i16).map(f32::from).map(|x| floor.at(Vec3::new(x, 0.0, -60.0))[0]);
+            (-200..200_i16).map(f32::from).map(|x| floor.at(Vec3::new(x, 0.0, -60.0)).0[0]);
         assert!(shadowed.fold(1.0, f32::min) < 0.1, "the roof's shadow lies behind it");
     }
 

@@ -11,6 +11,7 @@
 mod build;
 mod capsule;
 pub(crate) mod endless;
+pub(super) mod facets;
 mod lanes;
 mod ray;
 pub(super) mod rays;
@@ -322,23 +323,10 @@ impl<'a> RayTracer<'a> {
         let rays = if here.thin { 1 } else { self.eye.options.sky_rays.max(1) };
         let (mut light, mut open) = (Vec3::ZERO, 0);
         for ray in 0..rays {
-            let u = sampler.pair(
-                SampleDimension::Sky,
-                index * rays + ray,
-                self.eye.options.spp.max(1) * rays,
-            );
-            // Importance sampling: the density of directions is the cosine over pi, so all rays
-            // weigh the same.
-            let toward = cosine_direction(here.surface.normal, u);
-            let ray = here.secondary_ray(toward, here.radius * SKY_REACH_RADII);
-            // A direction below the smooth surface points into the yarn itself.
-            let occluder = if here.smooth_normal.dot(toward) <= 0.0 {
-                Some(here.start)
-            } else {
-                self.bvh.occluder(&ray, here.start, waiting)
-            };
+            let places = (index * rays + ray, self.eye.options.spp.max(1) * rays);
+            let (toward, occluder) = self.sky_ray(here, (sampler, places.0, places.1), waiting);
             // What is between the yarns in front of a body is as bright as they are.
-            let is_open = occluder.is_none() && !self.is_body_before(&ray);
+            let is_open = occluder.is_none() && !self.is_body_before(&here.sky_ray(toward));
             light += if is_open {
                 self.rig.sky(toward)
             } else {
@@ -348,9 +336,32 @@ impl<'a> RayTracer<'a> {
         }
         SkyLight { light: light * share(1, rays), open: share(open, rays) }
     }
+
+    /// Direction number `index` of `count` into the sky, and the first point of a segment that blocks it.
+    fn sky_ray(
+        &self,
+        here: &SurfaceHit,
+        (sampler, index, count): (&Sampler, u32, u32),
+        waiting: &mut Waiting,
+    ) -> (Vec3, Option<u32>) {
+        let u = sampler.pair(SampleDimension::Sky, index, count);
+        // Importance sampling: the density of directions is the cosine over pi, so all rays weigh the
+        // same.
+        let toward = cosine_direction(here.surface.normal, u);
+        // A direction below the smooth surface points into the yarn itself.
+        if here.smooth_normal.dot(toward) <= 0.0 {
+            return (toward, Some(here.start));
+        }
+        (toward, self.bvh.occluder(&here.sky_ray(toward), here.start, waiting))
+    }
 }
 
 impl SurfaceHit {
+    /// A ray into the sky, as long as neighbouring yarns count.
+    fn sky_ray(&self, direction: Vec3) -> SceneRay {
+        self.secondary_ray(direction, self.radius * SKY_REACH_RADII)
+    }
+
     /// A ray from the hit in this direction.
     fn secondary_ray(&self, direction: Vec3, reach: f32) -> SceneRay {
         let origin = self.position + self.smooth_normal * (self.radius * ORIGIN_OFFSET);

@@ -1,0 +1,223 @@
+//! Averaged cloth in a picture.
+//!
+//! In: an [`AveragedCloth`], its light, and rays from the eye. Out: the light of the cloth's layers along
+//! a ray. What cloth does not cover shows what is behind it. The cloth and a body cast the sun's shadow on
+//! the cloth.
+//!
+//! Cost: a ray for each layer that is seen, and rays to the sun.
+
+use glam::{Mat3, Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::EVENLY_LIT;
+use crate::Camera;
+use crate::averaged::{AveragedCloth, FLATTEST};
+use crate::cpu::averaged::Appearance;
+use crate::cpu::sample::{SampleDimension, Sampler};
+use crate::cpu::to_f32;
+use crate::light::Rig;
+use crate::set::{LEAVE, MeshHit, MeshSurface, SKIN, Set, passed};
+
+/// Share of the view below which no farther layers are looked for: some steps of a pixel's value.
+const LEAST_SEEN: f32 = 0.01;
+/// Cosine between the normals of places that look alike.
+const ALIKE: f32 = 0.995;
+/// Sides of triangles, in pixels, up to which the sun's light is interpolated between their corners.
+const TOLD_PIXELS: f32 = 16.0;
+/// Difference of the sun's light around a triangle from which on its places need rays of their own. A
+/// higher one loses the ends of shadows near what casts them.
+const SHARP: f32 = 0.5;
+/// Rays from a vertex to the sun where its shadow ends.
+const VERTEX_RAYS: u32 = 64;
+/// Distance from one layer to the next at least, mm.
+const APART: f32 = 0.01;
+
+/// Averaged cloth, lit.
+pub(super) struct LitCloth<'a> {
+    cloth: &'a AveragedCloth,
+    appearance: Appearance<'a>,
+    set: &'a Set,
+    rig: Rig,
+    eye: Vec3,
+    /// Share of a layer that yarns cover, seen face on.
+    cover: f32,
+    /// The fraction of the sun's light at each vertex.
+    suns: Vec<f32>,
+    /// Whether those of its corners tell the light all over a triangle.
+    is_told: Vec<bool>,
+}
+
+/// The nearest layer of the cloth on a ray.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layer {
+    toward: Vec3,
+    hit: MeshHit,
+    surface: MeshSurface,
+}
+
+/// All layers on a ray.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layers {
+    /// Their light, with the share of the view that they cover in w. The sun's light on the nearest is not
+    /// in it.
+    pub(super) light: Vec4,
+    /// Light that the sun adds to the nearest where nothing hides it.
+    pub(super) sun: Vec3,
+    /// The way along the ray behind which yarns are hidden, mm.
+    pub(super) reach: f32,
+}
+
+impl Layer {
+    /// Whether all rays of a pixel meet one stretch of cloth. `pixel_at` is the size of a pixel at a
+    /// distance, mm.
+    pub(super) fn are_one(nearest: &[Option<Self>], pixel_at: impl Fn(f32) -> f32) -> bool {
+        let [Some(first), rest @ ..] = nearest else { return false };
+        let apart = pixel_at(first.hit.distance) / FLATTEST;
+        rest.iter().all(|other| {
+            other.is_some_and(|other| {
+                other.surface.normal.dot(first.surface.normal) > ALIKE
+                    && (other.hit.distance - first.hit.distance).abs() < apart
+            })
+        })
+    }
+}
+
+impl<'a> LitCloth<'a> {
+    /// The cloth in a set, as a camera sees it in a picture of so many pixels down. `None` for cloth
+    /// without yarns.
+    pub(super) fn new(
+        cloth: &'a AveragedCloth,
+        set: &'a Set,
+        rig: &Rig,
+        camera: &Camera,
+        height: u32,
+    ) -> Option<Self> {
+        let appearance = Appearance::new(cloth, rig)?;
+        let cover = appearance.of(&Mat3::IDENTITY, Vec3::Z).cover;
+        let eye = camera.eye().as_vec3();
+        let (suns, is_told) = (Vec::new(), Vec::new());
+        let lit = Self { cloth, appearance, set, rig: *rig, eye, cover, suns, is_told };
+        let middle = cloth.surface.bounds().centre();
+        let pixel = camera.pixel_size(f64::from(eye.distance(middle)), height);
+        let suns = lit.suns_at_vertices();
+        let is_told = lit.told_by_corners(&suns, TOLD_PIXELS * to_f32(pixel));
+        Some(Self { suns, is_told, ..lit })
+    }
+
+    /// The fraction of the sun's light at each vertex.
+    fn suns_at_vertices(&self) -> Vec<f32> {
+        let (places, normals) = self.cloth.surface.vertices();
+        let suns = Sampler::new(0, 0, 0).pairs(SampleDimension::Sun, VERTEX_RAYS);
+        let at = |place: Vec3, normal: Vec3| {
+            // The side of the cloth that the sun is on.
+            let side = normal.dot(self.rig.toward_sun).signum();
+            let from = place + normal * (side * LEAVE);
+            let sun = |sun: [f32; 2]| self.sun_from(from, self.rig.sun_sample(sun));
+            let rim = [0.0, 0.25, 0.5, 0.75].map(|turn| sun([1.0, turn]));
+            if spread(rim) > EVENLY_LIT {
+                (0..VERTEX_RAYS).map(|ray| sun(suns.at(ray))).sum::<f32>() / VERTEX_RAYS as f32
+            } else {
+                rim.iter().sum::<f32>() / rim.len() as f32
+            }
+        };
+        places.par_iter().zip(normals).map(|(place, normal)| at(*place, *normal)).collect()
+    }
+
+    /// Whether the corners of each triangle tell the sun's light all over it: where it has sides up to
+    /// `longest` mm, and where the light is much the same at all vertices next to its corners.
+    fn told_by_corners(&self, suns: &[f32], longest: f32) -> Vec<bool> {
+        let surface = &self.cloth.surface;
+        let (places, _) = surface.vertices();
+        let mut around: Vec<[f32; 2]> = suns.iter().map(|sun| [*sun; 2]).collect();
+        for corners in surface.triangles() {
+            let lit = corners.map(|vertex| suns[vertex as usize]);
+            let [least, most] = extremes(lit);
+            for vertex in corners {
+                let [low, high] = &mut around[*vertex as usize];
+                (*low, *high) = (low.min(least), high.max(most));
+            }
+        }
+        let is_told = |corners: &[u32; 3]| {
+            let corners = corners.map(|vertex| vertex as usize);
+            let [a, b, c] = corners.map(|vertex| places[vertex]);
+            let sides = [a.distance(b), b.distance(c), c.distance(a)];
+            let near = corners.map(|vertex| around[vertex]);
+            let [least, _] = extremes(near.map(|[low, _]| low));
+            let [_, most] = extremes(near.map(|[_, high]| high));
+            most - least < SHARP && sides.iter().all(|side| *side < longest)
+        };
+        surface.triangles().par_iter().map(is_told).collect()
+    }
+
+    /// The fraction of the sun's light on a layer, where the vertices around tell it.
+    pub(super) fn told_sun(&self, layer: &Layer) -> Option<f32> {
+        let at = |vertex: usize| Vec3::splat(self.suns[vertex]);
+        let is_told = self.is_told[layer.hit.triangle];
+        is_told.then(|| self.cloth.surface.interpolate(&layer.hit, at).x)
+    }
+
+    /// The nearest layer along a ray from the eye, within these distances.
+    pub(super) fn nearest(&self, toward: Vec3, within: [f32; 2]) -> Option<Layer> {
+        let hit = self.cloth.surface.nearest_within(self.eye, toward, within)?;
+        Some(Layer { toward, hit, surface: self.cloth.surface.surface(&hit, self.eye, toward) })
+    }
+
+    /// The layers on a ray, from the nearest one to `reach`. `sun` is a place of the sun, which lights
+    /// those behind the nearest.
+    pub(super) fn behind(&self, nearest: &Layer, reach: f32, sun: [f32; 2]) -> Layers {
+        let toward = nearest.toward;
+        let seen = self.appearance.of(&self.axes(nearest), -toward);
+        let (mut light, mut left) = (seen.sky, 1.0 - seen.cover);
+        let mut least = nearest.hit.distance + APART;
+        while left > LEAST_SEEN {
+            let Some(layer) = self.nearest(toward, [least, reach]) else { break };
+            least = layer.hit.distance + APART;
+            let seen = self.appearance.of(&self.axes(&layer), -toward);
+            let lit = self.told_sun(&layer).unwrap_or_else(|| self.sun_at(&layer, sun));
+            light += (seen.sky + seen.sun * lit) * left;
+            left *= 1.0 - seen.cover;
+        }
+        let steep = nearest.surface.normal.dot(toward).abs().max(FLATTEST);
+        let reach = nearest.hit.distance + self.cloth.half_depth / steep;
+        Layers { light: light.extend(1.0 - left), sun: seen.sun, reach }
+    }
+
+    /// The fraction of the light from a place of the sun that reaches a layer.
+    pub(super) fn sun_at(&self, layer: &Layer, sun: [f32; 2]) -> f32 {
+        let toward = self.rig.sun_sample(sun);
+        let is_through = layer.surface.normal.dot(toward) < 0.0;
+        // Light that comes through the layer starts behind it.
+        let at = self.eye + layer.toward * layer.hit.distance;
+        let from = if is_through { at } else { layer.surface.place };
+        self.sun_from(from, toward)
+    }
+
+    /// The fraction of the sun's light in a direction that reaches a place of the cloth.
+    fn sun_from(&self, from: Vec3, toward: Vec3) -> f32 {
+        let body = self.set.body.as_ref();
+        if body.is_some_and(|body| body.blocks(from, toward, [SKIN, f32::INFINITY])) {
+            return 0.0;
+        }
+        self.cloth.surface.passes(from, toward, LEAVE, |cosine| passed(self.cover, cosine))
+    }
+
+    /// Right, up and out of the technical face of a layer.
+    fn axes(&self, Layer { toward, hit, surface }: &Layer) -> Mat3 {
+        let is_front = self.cloth.surface.is_front(hit, *toward);
+        let out = if is_front { surface.normal } else { -surface.normal };
+        let wale = self.cloth.surface.interpolate(hit, |vertex| self.cloth.wales[vertex]);
+        let up = (wale - out * wale.dot(out)).normalize_or(out.any_orthonormal_vector());
+        Mat3::from_cols(up.cross(out), up, out)
+    }
+}
+
+/// The least and the largest of some fractions.
+pub(super) fn extremes<const COUNT: usize>(of: [f32; COUNT]) -> [f32; 2] {
+    of.into_iter().fold([1.0, 0.0], |[least, most], one| [one.min(least), one.max(most)])
+}
+
+/// Their difference.
+pub(super) fn spread<const COUNT: usize>(of: [f32; COUNT]) -> f32 {
+    let [least, most] = extremes(of);
+    most - least
+}
