@@ -98,7 +98,7 @@ fn tell_done(done: &Done, quiet: bool) {
     for part in &done.parts {
         let (stitches, yarns) = (part.totals.losses.stitches, part.totals.yarns);
         let counts = match part.whole {
-            Some(whole) if part.is_averaged => format!("{whole} stitches, too small to be seen"),
+            Some(whole) if part.is_averaged => format!("{whole} stitches, drawn as averaged cloth"),
             Some(whole) => format!("{stitches} stitches in view of {whole}, {yarns} yarns"),
             None => format!("{stitches} stitches, {yarns} yarns"),
         };

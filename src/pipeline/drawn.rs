@@ -12,7 +12,7 @@ use image::RgbaImage;
 use super::RunError;
 use super::clock::{Clock, Task};
 use super::edges;
-use super::estimates::{has_masks, picture_bytes};
+use super::estimates::{averaged_bytes, has_masks, picture_bytes};
 use super::fibres::Fibres;
 use super::job::Job;
 use super::loupe::Loupe;
@@ -73,7 +73,8 @@ impl<'a> Drawn<'a> {
         let bytes = |shown: &ShownCloth<'a>, cameras: &[Camera], options: &RenderOptions| {
             picture_bytes(shown.cloth(job), job.shown, scene, cameras, &job.options, options)
         };
-        let mut needed = bytes(&shown, &cameras, &options);
+        let surface = averaged.as_ref().map_or(0.0, |_| averaged_bytes(job.cloth.garment()));
+        let mut needed = surface + bytes(&shown, &cameras, &options);
         let loupe = match cameras.as_slice() {
             [camera] if !job.is_swatch => find_loupe(job, camera)?,
             _ => None,

@@ -9,6 +9,7 @@ use crate::drape::fibres::bundles;
 use crate::drape::{Cloth, DrapeOptions};
 use crate::export::Format;
 use crate::fabric::Fabric;
+use crate::garment::Garment;
 use crate::ids::index32;
 use crate::render::scene::{Bounds, Scene, Shape};
 use crate::render::{Camera, RenderOptions, RendererChoice, hairs};
@@ -29,6 +30,8 @@ const MASK_POINT: f64 = 3.5;
 const POINT: f64 = 13.5;
 /// The same on a graphics adapter of software, with the copies made while uploading.
 const GPU_POINT: f64 = 60.0;
+/// Memory of a triangle of averaged cloth, and of its light.
+const SURFACE_TRIANGLE: f64 = 400.0;
 /// Address space that a graphics driver of software maps with its compiler, which counts where address
 /// space is limited.
 const DRIVER: f64 = 2e9;
@@ -104,6 +107,12 @@ pub(super) fn picture_bytes(
     PROGRAM
         + POINT * points
         + swept.max(drawing_bytes(cloth, fabric, scene, cameras, points, options))
+}
+
+/// Bytes of memory that the surface of averaged cloth takes besides.
+pub(super) fn averaged_bytes(garment: &Garment) -> f64 {
+    let triangles: usize = garment.panels.iter().map(|panel| panel.triangles.len()).sum();
+    SURFACE_TRIANGLE * f64::from(index32(triangles))
 }
 
 /// The part of it for drawing a scene of so many data points.

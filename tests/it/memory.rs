@@ -163,6 +163,10 @@ fn within(kilobytes: u32, arguments: &[&str]) -> (Option<i32>, String) {
 fn a_picture_without_room_is_refused_before_the_work() {
     let mesh = crate::drape::mesh("tshirt.obj");
     let all = ["drape", mesh.to_str().unwrap(), "--wales-per-cm", "13", "--renderer", "cpu"];
+    // From afar no yarn has to be held.
+    let (status, said) = within(1_000_000, &[&all[..], &["--loupe", "off"]].concat());
+    assert_eq!(status, Some(0), "{said}");
+    let all = [&all[..], &["--lod", "off"]].concat();
     let (status, said) = within(1_000_000, &all);
     assert_eq!(status, Some(1), "{said}");
     let lines: Vec<_> = said.lines().collect();

@@ -146,3 +146,33 @@ fn distant_camera([low, high]: [Vec2; 2], pixel: f64, height: u32) -> Camera {
     let camera = |distance: f64| Camera::look_at(middle + DVec3::Z * distance, middle, FIELD, 1.0);
     camera(pixel / camera(1.0).pixel_size(1.0, height))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn averaged_cloth_fades_in_below_two_and_a_half_pixels_a_repeat() {
+        // Two courses of a locknit are the longer side of its repeat.
+        let fabric = Fabric::named("locknit").unwrap();
+        let repeat = 2.0 * fabric.course_spacing();
+        assert!(repeat > fabric.wale_spacing());
+        let extent = Bounds { min: Vec3::splat(-1.0), max: Vec3::ONE };
+        let options = RenderOptions { height: 1000, ..RenderOptions::default() };
+        let of = |pixels: f64| {
+            let at = |distance: f64| Camera::look_at(DVec3::Z * distance, DVec3::ZERO, 0.5, 1.0);
+            let distance = repeat / pixels / at(1.0).pixel_size(1.0, options.height);
+            share(&fabric, &extent, &at(distance), &options)
+        };
+        for (pixels, expected) in [(1.0, 1.0), (1.99, 1.0), (2.25, 0.5), (2.51, 0.0), (9.0, 0.0)] {
+            assert!((of(pixels) - expected).abs() < 1e-3, "{pixels}: {}", of(pixels));
+        }
+    }
+
+    #[test]
+    fn wales_follow_the_cloth() {
+        let garment = Garment::rectangle(30.0, 40.0);
+        let wales = wales_of(&garment.panels[0]);
+        assert!(wales.iter().all(|wale| wale.normalize().distance(Vec3::Y) < 1e-6));
+    }
+}

@@ -121,17 +121,7 @@ impl Mesh {
 
     /// The nearest triangle along a ray from `from` in the unit direction `toward`.
     pub(crate) fn nearest(&self, from: Vec3, toward: Vec3) -> Option<MeshHit> {
-        self.nearest_within(from, toward, [0.0, f32::INFINITY])
-    }
-
-    /// The same within these distances.
-    pub(crate) fn nearest_within(
-        &self,
-        from: Vec3,
-        toward: Vec3,
-        within: [f32; 2],
-    ) -> Option<MeshHit> {
-        let (ray, mut hit) = (ray(from, toward, within), RayHit::none());
+        let (ray, mut hit) = (ray(from, toward, [0.0, f32::INFINITY]), RayHit::none());
         if !self.tree.ray_traverse(ray, &mut hit, |ray, slot| self.of(slot).intersect(ray)) {
             return None;
         }

@@ -10,13 +10,14 @@ use glam::{Mat3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::EVENLY_LIT;
-use crate::Camera;
+use super::triangles::PictureTriangles;
 use crate::averaged::{AveragedCloth, FLATTEST};
 use crate::cpu::averaged::Appearance;
 use crate::cpu::sample::{SampleDimension, Sampler};
 use crate::cpu::to_f32;
 use crate::light::Rig;
 use crate::set::{LEAVE, MeshHit, MeshSurface, SKIN, Set, passed};
+use crate::{Camera, RenderOptions};
 
 /// Share of the view below which no farther layers are looked for: some steps of a pixel's value.
 const LEAST_SEEN: f32 = 0.01;
@@ -39,6 +40,7 @@ pub(super) struct LitCloth<'a> {
     set: &'a Set,
     rig: Rig,
     eye: Vec3,
+    triangles: PictureTriangles,
     /// Share of a layer that yarns cover, seen face on.
     cover: f32,
     /// The fraction of the sun's light at each vertex.
@@ -50,6 +52,7 @@ pub(super) struct LitCloth<'a> {
 /// The nearest layer of the cloth on a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layer {
+    pixel: [u32; 2],
     toward: Vec3,
     hit: MeshHit,
     surface: MeshSurface,
@@ -83,22 +86,21 @@ impl Layer {
 }
 
 impl<'a> LitCloth<'a> {
-    /// The cloth in a set, as a camera sees it in a picture of so many pixels down. `None` for cloth
-    /// without yarns.
+    /// The cloth in a set, as a camera sees it. `None` for cloth without yarns.
     pub(super) fn new(
         cloth: &'a AveragedCloth,
         set: &'a Set,
         rig: &Rig,
-        camera: &Camera,
-        height: u32,
+        (camera, options): (&Camera, &RenderOptions),
     ) -> Option<Self> {
         let appearance = Appearance::new(cloth, rig)?;
         let cover = appearance.of(&Mat3::IDENTITY, Vec3::Z).cover;
         let eye = camera.eye().as_vec3();
         let (suns, is_told) = (Vec::new(), Vec::new());
-        let lit = Self { cloth, appearance, set, rig: *rig, eye, cover, suns, is_told };
+        let triangles = PictureTriangles::new(&cloth.surface, camera, options);
+        let lit = Self { cloth, appearance, set, rig: *rig, eye, triangles, cover, suns, is_told };
         let middle = cloth.surface.bounds().centre();
-        let pixel = camera.pixel_size(f64::from(eye.distance(middle)), height);
+        let pixel = camera.pixel_size(f64::from(eye.distance(middle)), options.height);
         let suns = lit.suns_at_vertices();
         let is_told = lit.told_by_corners(&suns, TOLD_PIXELS * to_f32(pixel));
         Some(Self { suns, is_told, ..lit })
@@ -156,10 +158,11 @@ impl<'a> LitCloth<'a> {
         is_told.then(|| self.cloth.surface.interpolate(&layer.hit, at).x)
     }
 
-    /// The nearest layer along a ray from the eye, within these distances.
-    pub(super) fn nearest(&self, toward: Vec3, within: [f32; 2]) -> Option<Layer> {
-        let hit = self.cloth.surface.nearest_within(self.eye, toward, within)?;
-        Some(Layer { toward, hit, surface: self.cloth.surface.surface(&hit, self.eye, toward) })
+    /// The nearest layer along a ray from the eye through a place of a pixel, within these distances.
+    pub(super) fn nearest(&self, pixel: [u32; 2], toward: Vec3, within: [f32; 2]) -> Option<Layer> {
+        let hit = self.triangles.nearest(pixel, toward, within)?;
+        let surface = self.cloth.surface.surface(&hit, self.eye, toward);
+        Some(Layer { pixel, toward, hit, surface })
     }
 
     /// The layers on a ray, from the nearest one to `reach`. `sun` is a place of the sun, which lights
@@ -170,7 +173,7 @@ impl<'a> LitCloth<'a> {
         let (mut light, mut left) = (seen.sky, 1.0 - seen.cover);
         let mut least = nearest.hit.distance + APART;
         while left > LEAST_SEEN {
-            let Some(layer) = self.nearest(toward, [least, reach]) else { break };
+            let Some(layer) = self.nearest(nearest.pixel, toward, [least, reach]) else { break };
             least = layer.hit.distance + APART;
             let seen = self.appearance.of(&self.axes(&layer), -toward);
             let lit = self.told_sun(&layer).unwrap_or_else(|| self.sun_at(&layer, sun));
@@ -202,7 +205,7 @@ impl<'a> LitCloth<'a> {
     }
 
     /// Right, up and out of the technical face of a layer.
-    fn axes(&self, Layer { toward, hit, surface }: &Layer) -> Mat3 {
+    fn axes(&self, Layer { toward, hit, surface, .. }: &Layer) -> Mat3 {
         let is_front = self.cloth.surface.is_front(hit, *toward);
         let out = if is_front { surface.normal } else { -surface.normal };
         let wale = self.cloth.surface.interpolate(hit, |vertex| self.cloth.wales[vertex]);

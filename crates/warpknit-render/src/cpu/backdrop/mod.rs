@@ -11,6 +11,7 @@
 
 mod cloth;
 mod floor;
+mod triangles;
 
 use std::f32::consts::FRAC_1_PI;
 use std::sync::LazyLock;
@@ -109,7 +110,7 @@ impl<'a> Backdrop<'a> {
         let set = set.unwrap_or(&NOTHING);
         let rig = options.light.around(camera);
         let cloth = options.averaged.as_deref();
-        let cloth = cloth.and_then(|cloth| LitCloth::new(cloth, set, &rig, camera, options.height));
+        let cloth = cloth.and_then(|cloth| LitCloth::new(cloth, set, &rig, (camera, options)));
         let studio = set.studio.map(|bounds| {
             let cove = Cove::new(&bounds, camera);
             (cove, FloorLight::new(set, &cove, &rig, options.width))
@@ -135,7 +136,7 @@ impl<'a> Backdrop<'a> {
             }
         }
         if let Some(cloth) = &self.cloth {
-            self.add_cloth(cloth, directions, &mut behind, &suns);
+            self.add_cloth(cloth, (pixel, directions), &mut behind, &suns);
         }
         let is_hidden = behind.body.iter().all(|light| light.w > HIDDEN);
         behind.light = self.far_light(pixel, &sampler, is_hidden);
@@ -147,14 +148,14 @@ impl<'a> Backdrop<'a> {
     fn add_cloth(
         &self,
         cloth: &LitCloth<'_>,
-        directions: [Vec3; QUARTERS],
+        (pixel, directions): ([u32; 2], [Vec3; QUARTERS]),
         behind: &mut Behind,
         suns: &BodySuns,
     ) {
         let cosines = directions.map(|toward| toward.dot(self.ahead));
         let reach: [f32; QUARTERS] = std::array::from_fn(|at| behind.reach[at] / cosines[at]);
         let nearest: [Option<Layer>; QUARTERS] =
-            std::array::from_fn(|at| cloth.nearest(directions[at], [0.0, reach[at]]));
+            std::array::from_fn(|at| cloth.nearest(pixel, directions[at], [0.0, reach[at]]));
         let is_even = Layer::are_one(&nearest, |distance| self.pixel_at(distance));
         let lit = sunlit(cloth, &nearest, is_even, suns);
         let mut first = None;
