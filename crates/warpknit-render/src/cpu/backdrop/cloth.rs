@@ -165,9 +165,14 @@ impl<'a> LitCloth<'a> {
         Some(Layer { pixel, toward, hit, surface })
     }
 
-    /// The layers on a ray, from the nearest one to `reach`. `sun` is a place of the sun, which lights
-    /// those behind the nearest.
-    pub(super) fn behind(&self, nearest: &Layer, reach: f32, sun: [f32; 2]) -> Layers {
+    /// The layers on a ray, from the nearest one to `reach`. Rays go to these places of the sun from those
+    /// behind the nearest.
+    pub(super) fn behind(
+        &self,
+        nearest: &Layer,
+        reach: f32,
+        suns: impl Iterator<Item = [f32; 2]> + Clone,
+    ) -> Layers {
         let toward = nearest.toward;
         let seen = self.appearance.of(&self.axes(nearest), -toward);
         let (mut light, mut left) = (seen.sky, 1.0 - seen.cover);
@@ -176,13 +181,20 @@ impl<'a> LitCloth<'a> {
             let Some(layer) = self.nearest(nearest.pixel, toward, [least, reach]) else { break };
             least = layer.hit.distance + APART;
             let seen = self.appearance.of(&self.axes(&layer), -toward);
-            let lit = self.told_sun(&layer).unwrap_or_else(|| self.sun_at(&layer, sun));
+            let lit = self.told_sun(&layer).unwrap_or_else(|| self.mean_sun(&layer, suns.clone()));
             light += (seen.sky + seen.sun * lit) * left;
             left *= 1.0 - seen.cover;
         }
         let steep = nearest.surface.normal.dot(toward).abs().max(FLATTEST);
         let reach = nearest.hit.distance + self.cloth.half_depth / steep;
         Layers { light: light.extend(1.0 - left), sun: seen.sun, reach }
+    }
+
+    /// The fraction of the light from some places of the sun that reaches a layer.
+    pub(super) fn mean_sun(&self, layer: &Layer, suns: impl Iterator<Item = [f32; 2]>) -> f32 {
+        let lit = suns.map(|sun| self.sun_at(layer, sun));
+        let (sum, count) = lit.fold((0.0, 0.0), |(sum, count), lit| (sum + lit, count + 1.0));
+        sum / count
     }
 
     /// The fraction of the light from a place of the sun that reaches a layer.

@@ -163,7 +163,7 @@ impl<'a> Backdrop<'a> {
             let Some(layer) = layer else { continue };
             let seen = match first {
                 Some(first) if is_even => first,
-                _ => *first.insert(cloth.behind(layer, reach[at], suns.at(at, 0))),
+                _ => *first.insert(cloth.behind(layer, reach[at], suns.of(at))),
             };
             let light = seen.light + (seen.sun * lit[at]).extend(0.0);
             behind.body[at] = light + behind.body[at] * (1.0 - seen.light.w);
@@ -256,6 +256,11 @@ impl BodySuns {
     fn at(&self, quarter: usize, ray: u32) -> [f32; 2] {
         self.0.at(index32(quarter) * SUN_RAYS + ray)
     }
+
+    /// All of a quarter.
+    fn of(&self, quarter: usize) -> impl Iterator<Item = [f32; 2]> + Clone {
+        (0..SUN_RAYS).map(move |ray| self.at(quarter, ray))
+    }
 }
 
 /// The fraction of the sun's light that reaches the nearest cloth in each quarter of a pixel. Where its
@@ -268,18 +273,17 @@ fn sunlit(
     suns: &BodySuns,
 ) -> [f32; QUARTERS] {
     let told = nearest.map(|layer| layer.map_or(Some(0.0), |layer| cloth.told_sun(&layer)));
-    let lit = |at: usize, sun: [f32; 2]| {
-        nearest[at].as_ref().map_or(0.0, |layer| cloth.sun_at(layer, sun))
-    };
-    let traced = |at: usize| {
-        (0..SUN_RAYS).map(|ray| lit(at, suns.at(at, ray))).sum::<f32>() / SUN_RAYS as f32
-    };
+    let traced =
+        |at: usize| nearest[at].as_ref().map_or(0.0, |layer| cloth.mean_sun(layer, suns.of(at)));
     if !is_even || told.iter().all(Option::is_some) {
         return std::array::from_fn(|at| told[at].unwrap_or_else(|| traced(at)));
     }
-    let rim: [f32; QUARTERS] =
-        std::array::from_fn(|at| lit(at, [1.0, at as f32 / QUARTERS as f32]));
-    let own = if spread(rim) > EVENLY_LIT { std::array::from_fn(traced) } else { rim };
+    let rim = std::array::from_fn(|at| {
+        let sun = [1.0, at as f32 / QUARTERS as f32];
+        nearest[at].as_ref().map_or(0.0, |layer| cloth.sun_at(layer, sun))
+    });
+    let own: [f32; QUARTERS] =
+        if spread(rim) > EVENLY_LIT { std::array::from_fn(traced) } else { rim };
     [own.iter().sum::<f32>() / QUARTERS as f32; QUARTERS]
 }
 
