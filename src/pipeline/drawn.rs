@@ -1,7 +1,7 @@
 //! What the pictures of a run show of its cloth, and the loupe in them.
 //!
-//! In: a [`Job`] and its prepared parts. Out: [`Drawn`], found before the work: the cloth that has to
-//! be knitted for the pictures, and that of the loupe, which is a picture from much nearer.
+//! In: a [`Job`] and its prepared parts. Out: [`Drawn`], found before the work: the cloth that has
+//! to be knitted for the pictures, and that of the loupe, which is a picture from much nearer.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -162,9 +162,9 @@ impl<'a> ShownCloth<'a> {
     }
 }
 
-/// A garment's cloth as a surface, where its pictures are from so far away that no pixel shows a stitch,
-/// with the share of the pictures that show it. Only the processor draws such cloth, and none whose
-/// fibres someone asked for.
+/// A garment's cloth as a surface, where its pictures are from so far away that no pixel shows a
+/// stitch, with the share of the pictures that show it. Only the processor draws such cloth, and
+/// none whose fibres someone asked for.
 fn averaged(
     job: &Job<'_>,
     scene: &Scene,

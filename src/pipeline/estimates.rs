@@ -1,8 +1,9 @@
 //! Memory of pictures and sizes of files, estimated before they are made.
 //!
-//! In: a planned [`Cloth`] and its fabric. Out: bytes. All figures are bytes for each data point, ring
-//! of a tube, vertex, triangle or pixel, measured 2026-11 with seven fabrics on two garments. Checked
-//! within a third against files and runs in `tests/it/estimates.rs`. Not promised: files of fibres.
+//! In: a planned [`Cloth`] and its fabric. Out: bytes. All figures are bytes for each data point,
+//! ring of a tube, vertex, triangle or pixel, measured 2026-11 with seven fabrics on two garments.
+//! Checked within a third against files and runs in `tests/it/estimates.rs`. Not promised: files of
+//! fibres.
 
 use super::settings::Settings;
 use crate::drape::fibres::bundles;
@@ -32,8 +33,8 @@ const POINT: f64 = 13.5;
 const GPU_POINT: f64 = 60.0;
 /// Memory of a triangle of averaged cloth, and of its light.
 const SURFACE_TRIANGLE: f64 = 400.0;
-/// Address space that a graphics driver of software maps with its compiler, which counts where address
-/// space is limited.
+/// Address space that a graphics driver of software maps with its compiler, which counts where
+/// address space is limited.
 const DRIVER: f64 = 2e9;
 /// Memory of a stitch while it is swept.
 const SWEPT: f64 = 7000.0;
@@ -56,7 +57,8 @@ pub(super) fn points(cloth: &Cloth<'_>, fabric: &Fabric) -> f64 {
     (0..fabric.yarn_systems()).map(of_bar).sum()
 }
 
-/// Bytes of a file of a cloth, or `None` for pictures, reports and pages. `section` is that of its tubes.
+/// Bytes of a file of a cloth, or `None` for pictures, reports and pages. `section` is that of its
+/// tubes.
 pub(super) fn file_bytes(
     format: Format,
     cloth: &Cloth<'_>,
@@ -91,8 +93,8 @@ pub(super) fn file_bytes(
     })
 }
 
-/// Bytes of memory that a run needs to draw a cloth. `scene` is empty, and `cameras` are those of its
-/// pictures. `laying` are the options with which it is laid.
+/// Bytes of memory that a run needs to draw a cloth. `scene` is empty, and `cameras` are those of
+/// its pictures. `laying` are the options with which it is laid.
 pub(super) fn picture_bytes(
     cloth: &Cloth<'_>,
     fabric: &Fabric,

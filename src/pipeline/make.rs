@@ -316,8 +316,8 @@ fn lay(
     Ok((totals, Some(draped)))
 }
 
-/// Whether to measure the clearance on the body: only for a report of the whole cloth, and not for a
-/// swatch, because that has no body.
+/// Whether to measure the clearance on the body: only for a report of the whole cloth, and not for
+/// a swatch, because that has no body.
 fn wants_clearance(job: &Job<'_>, outputs: &[Wanted]) -> bool {
     // A part lacks its neighbouring yarns, and one of them may be the nearest.
     let draped = !job.is_swatch && job.part.is_none();

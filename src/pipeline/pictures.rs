@@ -67,8 +67,8 @@ impl Pictures {
     }
 
     /// Draws the scene, or a tile of the picture, and writes it to `paths`. With a turntable, the
-    /// paths of one output's frames follow each other. The camera sees all of `extent`. A loupe's inset
-    /// is drawn over it.
+    /// paths of one output's frames follow each other. The camera sees all of `extent`. A loupe's
+    /// inset is drawn over it.
     pub(super) fn draw(
         &mut self,
         job: &Job<'_>,
@@ -81,9 +81,9 @@ impl Pictures {
         clock.begin(Task::Render, 0.0);
         let mut options = RenderOptions { set: self.set.clone(), ..options_of(job) };
         let cameras = cameras(job.settings, &options, extent);
-        // Where yarns are so thin, the graphics processor's light is that of a mean over the cloth, and the
-        // processor's is nearer to traced light. All frames of a sequence lie within the extent, so one
-        // renderer draws them all.
+        // Where yarns are so thin, the graphics processor's light is that of a mean over the cloth,
+        // and the processor's is nearer to traced light. All frames of a sequence lie within the
+        // extent, so one renderer draws them all.
         let around = Bounds::around(extent);
         options.renderer =
             processor_if(options.renderer, || has_masks(scene, around, &cameras, &options));
@@ -94,8 +94,8 @@ impl Pictures {
             clock.begin(Task::Render, share(0.0));
             let listener = clock.listener();
             let progress = |done: f32| listener.progress(share(f64::from(done)));
-            // The scene of yarns serves all frames and is prepared once. The scene of fibres depends on
-            // the camera, so it is prepared for each frame.
+            // The scene of yarns serves all frames and is prepared once. The scene of fibres
+            // depends on the camera, so it is prepared for each frame.
             let mut picture = match (far, close_up(scene, *fibres, camera, &options), &mut yarns) {
                 (Some(far), _, _) if far.share >= 1.0 => {
                     self.paint_far(far, camera, &options, &progress)?
@@ -196,9 +196,9 @@ pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
     let mut options = options(job.settings);
     options.rows = job.tile().map(|tile| tile.share(options.height));
     // The tiles of several machines must fit together, whichever machine has an adapter. The CPU
-    // renderer gives the same pixels everywhere. At true gauge its light is nearer to traced light too.
-    // The graphics processor draws no bodies, and its shadows are those of the studio's sun, whatever
-    // the size of an environment's.
+    // renderer gives the same pixels everywhere. At true gauge its light is nearer to traced light
+    // too. The graphics processor draws no bodies, and its shadows are those of the studio's sun,
+    // whatever the size of an environment's.
     options.renderer = processor_if(options.renderer, || {
         job.tile().is_some()
             || job.gauge == Gauge::True

@@ -1,16 +1,16 @@
 //! Cloth so far away that no pixel shows a stitch: a surface that looks as its yarns do on average.
 //!
-//! In: a draped garment and its fabric. Out: [`AveragedCloth`], the draped surface with the direction
-//! of its wales, and a flat piece of the cloth, yarn by yarn, whose appearance the surface takes on
-//! (`cpu/averaged`). A picture of it costs time by its pixels and not by its stitches, and has no moiré,
-//! because nothing in it is finer than a pixel.
+//! In: a draped garment and its fabric. Out: [`AveragedCloth`], the draped surface with the
+//! direction of its wales, and a flat piece of the cloth, yarn by yarn, whose appearance the
+//! surface takes on (`cpu/averaged`). A picture of it costs time by its pixels and not by its
+//! stitches, and has no moiré, because nothing in it is finer than a pixel.
 //!
 //! [`share`] says how much of a picture is drawn this way. It is faded in where a whole repeat gets
-//! smaller than two and a half pixels, and is all of the picture below two. A tent filter leaves little
-//! of such a pattern but moiré.
+//! smaller than two and a half pixels, and is all of the picture below two. A tent filter leaves
+//! little of such a pattern but moiré.
 //!
-//! Not promised: yarns' unevenness along the cloth, and the cloth's stretch on the body, of which the
-//! mean alone could be seen.
+//! Not promised: yarns' unevenness along the cloth, and the cloth's stretch on the body, of which
+//! the mean alone could be seen.
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
@@ -27,11 +27,11 @@ use warpknit_core::knit::Pattern;
 use warpknit_core::map::Mapping;
 use warpknit_core::number::narrow;
 
-/// Pixels that the longer side of a repeat takes: from the second on yarns alone are drawn, and up to
-/// the first their average alone.
+/// Pixels that the longer side of a repeat takes: from the second on yarns alone are drawn, and up
+/// to the first their average alone.
 const FADE: [f64; 2] = [2.0, 2.5];
-/// Wales and courses of the area whose places stand for all of the cloth, at least. Uneven cloth has no
-/// two stitches alike.
+/// Wales and courses of the area whose places stand for all of the cloth, at least. Uneven cloth
+/// has no two stitches alike.
 const AREA_STITCHES: f64 = 6.0;
 /// Stitches of a repeat at most. Yarns of a larger one cost as much as those of the garment.
 const MOST_STITCHES: usize = 10_000;
@@ -53,14 +53,15 @@ pub struct AveragedCloth {
     pub(crate) piece: Scene,
     /// Two corners of the part of it that stands for all of the cloth.
     pub(crate) area: [Vec2; 2],
-    /// The camera and the options for which the piece is prepared. A pixel is as wide as half a yarn.
+    /// The camera and the options for which the piece is prepared. A pixel is as wide as half a
+    /// yarn.
     pub(crate) camera: Camera,
     pub(crate) options: RenderOptions,
 }
 
 impl AveragedCloth {
-    /// The cloth of a garment. `looks` is an empty scene with the fabric's looks. `None` for a garment
-    /// without area, and for a fabric with a repeat of over 10 000 stitches.
+    /// The cloth of a garment. `looks` is an empty scene with the fabric's looks. `None` for a
+    /// garment without area, and for a fabric with a repeat of over 10 000 stitches.
     #[must_use]
     pub fn new(
         garment: &Garment,
@@ -99,8 +100,8 @@ pub fn share(fabric: &Fabric, extent: &Bounds, camera: &Camera, options: &Render
     narrow(((FADE[1] - pixels) / (FADE[1] - FADE[0])).clamp(0.0, 1.0))
 }
 
-/// The direction of the wales at each vertex of a panel: the mean over its triangles of the way that a
-/// step up the flat panel takes on the body.
+/// The direction of the wales at each vertex of a panel: the mean over its triangles of the way
+/// that a step up the flat panel takes on the body.
 fn wales_of(panel: &Panel) -> Vec<Vec3> {
     let mut sums = vec![DVec3::ZERO; panel.draped.len()];
     for corners in &panel.triangles {
@@ -117,7 +118,8 @@ fn wales_of(panel: &Panel) -> Vec<Vec3> {
     sums.into_iter().map(|sum| sum.as_vec3()).collect()
 }
 
-/// A flat piece of a fabric, and two corners of a part of whole repeats that has cloth all around it.
+/// A flat piece of a fabric, and two corners of a part of whole repeats that has cloth all around
+/// it.
 fn flat_piece(fabric: &Fabric, pattern: &Pattern, looks: &Scene) -> (Scene, [Vec2; 2]) {
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     let repeat = repeat_size(fabric);

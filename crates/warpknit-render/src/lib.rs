@@ -3,13 +3,12 @@
 //! In: a [`Scene`], a [`Camera`] and [`RenderOptions`]. Out: an sRGB picture with straight alpha.
 //!
 //! All renderers share these modules: [`camera`] (rays and framing), [`light`] (sun and sky),
-//! [`environment`] (both from a picture of everything around),
-//! [`shade`] (reflection of a surface), [`sheen`] (specular reflection of fibres), [`ply`]
-//! (procedural plies and fibres), [`maps`] (textures of yarns), `paths` (curves as polylines) and
-//! [`tone`] (from light to pixels). [`cpu`] traces rays, or splats distant yarns; only it knows
-//! bounding volume hierarchies. [`gpu`] rasterises triangles; only it names wgpu. [`painter`]
-//! chooses between the two. [`fabric_maps`] draws one repeat of a fabric without light, for renderers
-//! of surfaces.
+//! [`environment`] (both from a picture of everything around), [`shade`] (reflection of a surface),
+//! [`sheen`] (specular reflection of fibres), [`ply`] (procedural plies and fibres), [`maps`]
+//! (textures of yarns), `paths` (curves as polylines) and [`tone`] (from light to pixels). [`cpu`]
+//! traces rays, or splats distant yarns; only it knows bounding volume hierarchies. [`gpu`]
+//! rasterises triangles; only it names wgpu. [`painter`] chooses between the two. [`fabric_maps`]
+//! draws one repeat of a fabric without light, for renderers of surfaces.
 //!
 //! ```
 //! use warpknit_render::{Camera, RenderOptions, View, render};
@@ -101,7 +100,8 @@ pub struct RenderOptions {
     pub background: Background,
     /// What stands around the cloth. By default nothing.
     pub set: Option<Arc<Set>>,
-    /// Cloth that is drawn as a surface, besides the yarns of the scene. Only the processor draws it.
+    /// Cloth that is drawn as a surface, besides the yarns of the scene. Only the processor draws
+    /// it.
     pub averaged: Option<Arc<AveragedCloth>>,
     /// Sun and sky.
     pub light: Light,
@@ -117,8 +117,8 @@ pub struct RenderOptions {
     pub lod: bool,
     /// Seed of the sampling noise. The same seed gives the same bytes.
     pub seed: u32,
-    /// Ends the drawing once it is true. What isn't drawn by then is empty. Only the processor looks at
-    /// it.
+    /// Ends the drawing once it is true. What isn't drawn by then is empty. Only the processor
+    /// looks at it.
     pub stop: Option<Arc<AtomicBool>>,
 }
 

@@ -2,9 +2,9 @@
 //!
 //! In: a [`Light`] and the camera. Out: a [`Rig`] in world axes. By default it is the light of a
 //! product photograph, placed relative to the camera. The sun stands to the upper left. It makes
-//! about 40 degrees with a cloth that faces the camera, so that loops show relief from every side of
-//! a garment. The sky is a linear gradient, brightest above and behind the camera. A light fixed in
-//! the world leaves the back of a garment in the dark. That of an environment is fixed.
+//! about 40 degrees with a cloth that faces the camera, so that loops show relief from every side
+//! of a garment. The sky is a linear gradient, brightest above and behind the camera. A light fixed
+//! in the world leaves the back of a garment in the dark. That of an environment is fixed.
 
 use crate::camera::Camera;
 use glam::{DVec3, Quat, Vec3};
@@ -121,8 +121,8 @@ impl Light {
         Self { sun_direction, sky_direction, ..self }
     }
 
-    /// The irradiance of a ball, on average over its surface, as luminance. Half of it is turned away
-    /// from the sun, and the rest gets half of its light.
+    /// The irradiance of a ball, on average over its surface, as luminance. Half of it is turned
+    /// away from the sun, and the rest gets half of its light.
     pub(super) fn mean_irradiance(&self) -> f32 {
         let sky = (self.sky_above + self.sky_below) * (0.5 * PI);
         luminance(sky + self.sun * 0.25)
@@ -146,8 +146,8 @@ impl Rig {
         (self.toward_sun + (across * cos + up * sin) * r).normalize()
     }
 
-    /// The same light with the sun and the brightest sky in these unit directions, in other axes than the
-    /// world's.
+    /// The same light with the sun and the brightest sky in these unit directions, in other axes
+    /// than the world's.
     pub(super) fn seen_from(&self, toward_sun: Vec3, zenith: Vec3) -> Self {
         Self { toward_sun, zenith, ..*self }
     }

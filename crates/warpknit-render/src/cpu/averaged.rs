@@ -1,15 +1,15 @@
 //! The light of averaged cloth.
 //!
-//! In: an [`AveragedCloth`] and a [`Rig`]. Out: [`Appearance`], which says how much of the view a place
-//! of the cloth covers, and which light it has toward an eye.
+//! In: an [`AveragedCloth`] and a [`Rig`]. Out: [`Appearance`], which says how much of the view a
+//! place of the cloth covers, and which light it has toward an eye.
 //!
-//! Method: the cloth's flat piece is traced as in pictures (`raytrace/facets`), for directions to the
-//! eye and to the sun on a grid in the cloth's axes. What lies between is interpolated. Only directions
-//! that a picture needs are traced, when they are needed first. The piece, the places of rays and the
-//! grid are fixed. So a place has the same light whichever thread asks first.
+//! Method: the cloth's flat piece is traced as in pictures (`raytrace/facets`), for directions to
+//! the eye and to the sun on a grid in the cloth's axes. What lies between is interpolated. Only
+//! directions that a picture needs are traced, when they are needed first. The piece, the places of
+//! rays and the grid are fixed. So a place has the same light whichever thread asks first.
 //!
-//! Cost: half a millisecond for each direction to the eye, and 0.1 ms for each pair of directions; a picture
-//! of a garment needs some hundred and some thousand.
+//! Cost: half a millisecond for each direction to the eye, and 0.1 ms for each pair of directions;
+//! a picture of a garment needs some hundred and some thousand.
 
 use std::sync::OnceLock;
 
@@ -20,7 +20,8 @@ use super::raytrace::facets::Facets;
 use crate::averaged::{AveragedCloth, FLATTEST};
 use crate::light::Rig;
 
-/// Directions along a side of the grid of half of all directions: eleven degrees from one to the next.
+/// Directions along a side of the grid of half of all directions: eleven degrees from one to the
+/// next.
 const SIDE: usize = 13;
 /// Directions of a half.
 const HALF: usize = SIDE * SIDE;
@@ -47,7 +48,8 @@ struct SeenCloth {
 pub(super) struct Averaged {
     /// Share of the view that yarns cover.
     pub(super) cover: f32,
-    /// Light from the sky and from the yarns around, as a mean over what is covered and what is not.
+    /// Light from the sky and from the yarns around, as a mean over what is covered and what is
+    /// not.
     pub(super) sky: Vec3,
     /// That of the sun, where nothing but this cloth hides it.
     pub(super) sun: Vec3,
@@ -61,8 +63,8 @@ impl<'a> Appearance<'a> {
         Some(Self { cloth, tracer, rig: *rig, views })
     }
 
-    /// What cloth shows whose wales, courses and technical face point along these unit axes: right, up
-    /// and out of the face.
+    /// What cloth shows whose wales, courses and technical face point along these unit axes: right,
+    /// up and out of the face.
     pub(super) fn of(&self, axes: &Mat3, toward_eye: Vec3) -> Averaged {
         let [eye, sun, zenith] = [toward_eye, self.rig.toward_sun, self.rig.zenith]
             .map(|direction| axes.transpose() * direction);
@@ -92,9 +94,9 @@ impl<'a> Appearance<'a> {
     }
 }
 
-/// Direction number `index` of the grid: those of the front half first, then those of the back. Each half
-/// lies on a square, as on one side of an octahedron (Meyer et al. 2010, 'On floating-point normal
-/// vectors').
+/// Direction number `index` of the grid: those of the front half first, then those of the back.
+/// Each half lies on a square, as on one side of an octahedron (Meyer et al. 2010, 'On
+/// floating-point normal vectors').
 fn direction(index: usize) -> Vec3 {
     let (half, index) = (index / HALF, index % HALF);
     let [u, v] =

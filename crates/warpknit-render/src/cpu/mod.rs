@@ -1,10 +1,10 @@
 //! The CPU renderer, for machines without a graphics driver.
 //!
 //! In: a scene, a camera and options, as for every renderer. Out: the picture. Two methods find the
-//! yarn that a sample of a pixel sees. Ray tracing against a bounding volume hierarchy (`raytrace`) is
-//! the general one. Where no yarn is wider than two pixels, pieces of yarn are drawn as coverage masks
-//! instead (`splat`), which leaves no noise. What stands around the cloth is drawn behind them
-//! (`backdrop`).
+//! yarn that a sample of a pixel sees. Ray tracing against a bounding volume hierarchy (`raytrace`)
+//! is the general one. Where no yarn is wider than two pixels, pieces of yarn are drawn as coverage
+//! masks instead (`splat`), which leaves no noise. What stands around the cloth is drawn behind
+//! them (`backdrop`).
 //!
 //! The picture is computed in bands of rows. Within a band, tiles of rows run in parallel. No
 //! sample depends on another one, and sums are taken in a fixed order. So the bytes do not depend
@@ -38,8 +38,8 @@ use splat::Splatter;
 use warpknit_core::ids::index32;
 
 /// A traced yarn counts as thin where a pixel is wider than this many of its radii, that is, wider
-/// than the yarn. Two samples then share a sky ray. Lower values make yarns grainy whose plies still
-/// show. Higher ones cost rays where nothing of a yarn but its mean colour can be seen.
+/// than the yarn. Two samples then share a sky ray. Lower values make yarns grainy whose plies
+/// still show. Higher ones cost rays where nothing of a yarn but its mean colour can be seen.
 const THIN_RADII: f32 = 2.0;
 /// Rows of tiles in a band, for each thread. With fewer, threads wait for each other at the end of
 /// a band. With more, the samples of unwritten rows take more memory.

@@ -1,16 +1,16 @@
 //! One repeat of a fabric as maps: what a renderer of surfaces takes in place of yarns.
 //!
-//! In: a fabric, its [`Pattern`] and the looks of its yarns. Out: [`FabricMaps`]: for each side of the
-//! cloth base colour, normal, height, alpha, roughness, metallic, occlusion and sheen. They repeat
-//! without a seam, because they are drawn from endless cloth.
+//! In: a fabric, its [`Pattern`] and the looks of its yarns. Out: [`FabricMaps`]: for each side of
+//! the cloth base colour, normal, height, alpha, roughness, metallic, occlusion and sheen. They
+//! repeat without a seam, because they are drawn from endless cloth.
 //!
-//! Method: parallel rays straight through the cloth, [`RAYS`] a pixel, and the mean of what they meet
-//! (a box filter). No light is involved. Occlusion is the share of the sky that a point sees between
-//! other yarns (ambient occlusion). Where a pixel shows surfaces of several directions, its normal
-//! is their mean, and its roughness grows by their spread, so that highlights stay as wide as those
-//! of the yarns (Tokuyoshi and Kaplanyan 2019, 'Improved geometric specular antialiasing'). Pixels
-//! without yarn have alpha 0, a normal that points at the viewer, and else the mean of their
-//! neighbours, so that no rim shows when a renderer interpolates.
+//! Method: parallel rays straight through the cloth, [`RAYS`] a pixel, and the mean of what they
+//! meet (a box filter). No light is involved. Occlusion is the share of the sky that a point sees
+//! between other yarns (ambient occlusion). Where a pixel shows surfaces of several directions, its
+//! normal is their mean, and its roughness grows by their spread, so that highlights stay as wide
+//! as those of the yarns (Tokuyoshi and Kaplanyan 2019, 'Improved geometric specular
+//! antialiasing'). Pixels without yarn have alpha 0, a normal that points at the viewer, and else
+//! the mean of their neighbours, so that no rim shows when a renderer interpolates.
 //!
 //! The bytes depend on the arguments alone. Cost: about 0.1 ms a pixel of a map. Not promised: the
 //! look of cloth from near at a slant, where yarns hide each other. Yarns are round tubes.
@@ -123,9 +123,9 @@ pub struct FabricMaps {
 }
 
 impl FabricMaps {
-    /// Draws one repeat of a fabric, near `dpi` pixels per inch: a repeat has whole pixels, so that the
-    /// maps tile. `bars` has the look of each bar and no yarns. `progress` gets the share that is done,
-    /// from any thread.
+    /// Draws one repeat of a fabric, near `dpi` pixels per inch: a repeat has whole pixels, so that
+    /// the maps tile. `bars` has the look of each bar and no yarns. `progress` gets the share that
+    /// is done, from any thread.
     ///
     /// # Errors
     /// [`FabricMapsError`], before the work.

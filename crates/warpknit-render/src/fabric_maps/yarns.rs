@@ -3,8 +3,8 @@
 //! In: a fabric and its [`Pattern`]. Out: a [`RepeatScene`]: the polylines of all copies that reach
 //! into the repeat and its surroundings, with a look for each yarn of the repeat.
 //!
-//! A yarn's twist is changed a little, so that its plies make whole turns on the length of a repeat:
-//! by at most half the distance of two plies. Cost: linear in the yarns' points.
+//! A yarn's twist is changed a little, so that its plies make whole turns on the length of a
+//! repeat: by at most half the distance of two plies. Cost: linear in the yarns' points.
 
 use std::f64::consts::TAU;
 
@@ -43,8 +43,8 @@ pub(super) struct TiledYarn {
 }
 
 impl RepeatScene {
-    /// The yarns of a repeat, with the looks of `bars`, subdivided for pixels of `pixel` mm. `cell` is
-    /// the size of the repeat, mm.
+    /// The yarns of a repeat, with the looks of `bars`, subdivided for pixels of `pixel` mm. `cell`
+    /// is the size of the repeat, mm.
     pub(super) fn new(
         yarns: &[TiledYarn],
         cell: DVec2,

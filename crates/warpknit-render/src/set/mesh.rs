@@ -132,9 +132,9 @@ impl Mesh {
 
     /// The surface at a hit of a ray from `from` in the unit direction `toward`.
     ///
-    /// The sun's shadow on a lit side would end along the triangles' edges. So rays start from a place
-    /// above the triangle, on planes across the normals of its corners (Hanika 2021, 'Hacking the
-    /// shadow terminator').
+    /// The sun's shadow on a lit side would end along the triangles' edges. So rays start from a
+    /// place above the triangle, on planes across the normals of its corners (Hanika 2021, 'Hacking
+    /// the shadow terminator').
     pub(crate) fn surface(&self, hit: &MeshHit, from: Vec3, toward: Vec3) -> MeshSurface {
         let face: Vec3 = self.triangles[hit.triangle].compute_normal().into();
         let face = if face.dot(toward) > 0.0 { -face } else { face };
@@ -160,8 +160,8 @@ impl Mesh {
         (b - a).cross(c - a).dot(toward) < 0.0
     }
 
-    /// Distance along a ray up to which yarns before the mesh, or in its skin, are seen. `None` where the
-    /// ray misses the mesh.
+    /// Distance along a ray up to which yarns before the mesh, or in its skin, are seen. `None`
+    /// where the ray misses the mesh.
     pub(crate) fn reach_through_skin(&self, from: Vec3, toward: Vec3) -> Option<f32> {
         self.nearest(from, toward).map(|hit| self.skin_reach(&hit, toward))
     }
@@ -178,8 +178,9 @@ impl Mesh {
         !self.tree.ray_traverse_miss(ray, |ray, slot| self.of(slot).intersect(ray))
     }
 
-    /// The fraction of light along a ray that passes all triangles beyond a distance. `passed` is that of
-    /// one triangle, given the cosine between ray and normal. Below [`DARK`] the rest is left out.
+    /// The fraction of light along a ray that passes all triangles beyond a distance. `passed` is
+    /// that of one triangle, given the cosine between ray and normal. Below [`DARK`] the rest is
+    /// left out.
     pub(crate) fn passes(
         &self,
         from: Vec3,

@@ -2,9 +2,9 @@
 //!
 //! In: surfaces in the draped axes, mm. Out: a [`Set`], which renderers place behind and under the
 //! yarns. A body hides yarns and casts shadows on them. The cloth's own surface dims the light that
-//! falls on the body and on the floor: its yarns need not be there for that. The studio's floor turns
-//! up into a wall without an edge (`cove`), and stands square to the camera. Without a studio, an
-//! environment is seen behind everything.
+//! falls on the body and on the floor: its yarns need not be there for that. The studio's floor
+//! turns up into a wall without an edge (`cove`), and stands square to the camera. Without a
+//! studio, an environment is seen behind everything.
 //!
 //! Not promised: that bodies reflect light onto the cloth.
 
@@ -25,7 +25,8 @@ pub(crate) use mesh::{MeshHit, MeshSurface};
 /// What stands around the cloth.
 #[derive(Debug, Default)]
 pub struct Set {
-    /// The box around what stands in a studio, on its floor and before its wall. `None` for no studio.
+    /// The box around what stands in a studio, on its floor and before its wall. `None` for no
+    /// studio.
     pub(crate) studio: Option<Bounds>,
     /// An opaque body.
     pub(crate) body: Option<Mesh>,
@@ -37,19 +38,19 @@ pub struct Set {
     pub(crate) environment: Option<Arc<Environment>>,
 }
 
-/// Steepness below which a ray counts as no flatter along a cloth. There is a limit to how much cloth
-/// hides when seen along it.
+/// Steepness below which a ray counts as no flatter along a cloth. There is a limit to how much
+/// cloth hides when seen along it.
 const FLATTEST: f32 = 0.1;
-/// Length of rays by which light leaves a surface before it may be blocked, mm. A shorter one lets a
-/// surface block its own light. A longer one loses the shadow where cloth lies on a body.
+/// Length of rays by which light leaves a surface before it may be blocked, mm. A shorter one lets
+/// a surface block its own light. A longer one loses the shadow where cloth lies on a body.
 pub(crate) const LEAVE: f32 = 0.2;
 /// Depth in a body up to which yarns are drawn on it, and lit, mm. Cloth lies in the skin of many
 /// bodies by a millimetre or two. A larger depth would show the far side of thin limbs.
 pub(crate) const SKIN: f32 = 3.0;
 
 impl Set {
-    /// A studio for what stands in a box, a body, and the cloth as a surface with the share of it that
-    /// its yarns hide. Four million rays or fewer find how much of the sky the body sees.
+    /// A studio for what stands in a box, a body, and the cloth as a surface with the share of it
+    /// that its yarns hide. Four million rays or fewer find how much of the sky the body sees.
     #[must_use]
     pub fn new(studio: Option<Bounds>, body: Option<Mesh>, cloth: Option<(Mesh, f32)>) -> Self {
         let mut set = Self { studio, body, sky: Vec::new(), cloth, environment: None };
@@ -80,8 +81,8 @@ impl Set {
     }
 }
 
-/// Fraction of the light that passes cloth whose yarns hide this share of it, seen face on. Light crosses
-/// cloth obliquely along a longer way between its yarns.
+/// Fraction of the light that passes cloth whose yarns hide this share of it, seen face on. Light
+/// crosses cloth obliquely along a longer way between its yarns.
 pub(crate) fn passed(cover: f32, cosine: f32) -> f32 {
     (1.0 - cover).powf(cosine.max(FLATTEST).recip())
 }

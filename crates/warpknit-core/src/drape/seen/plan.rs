@@ -15,11 +15,11 @@ use super::{PanelPart, Seen};
 use crate::drape::cloth::{BLOCK_STITCHES, BlockPlan, YarnPlan};
 use crate::drape::{Cloth, DrapeOptions};
 
-/// Steps that a stretch is longer than what is seen of it: before it [`LEAD_POINTS`], four a step at
-/// least, and behind it room for the points around a run of [`Seen::runs`].
+/// Steps that a stretch is longer than what is seen of it: before it [`LEAD_POINTS`], four a step
+/// at least, and behind it room for the points around a run of [`Seen::runs`].
 const CONTEXT_STEPS: [i64; 2] = [12, 3];
-/// Points before a run from which on a strand is divided into pieces. Pieces shorter than a pixel are
-/// merged one after another, so the first ones depend on where the strand begins.
+/// Points before a run from which on a strand is divided into pieces. Pieces shorter than a pixel
+/// are merged one after another, so the first ones depend on where the strand begins.
 pub const LEAD_POINTS: usize = 40;
 /// Stretches of a yarn with fewer steps between them are joined: a new one would lay its context
 /// anew.

@@ -1,8 +1,8 @@
 //! Averaged cloth in a picture.
 //!
-//! In: an [`AveragedCloth`], its light, and rays from the eye. Out: the light of the cloth's layers along
-//! a ray. What cloth does not cover shows what is behind it. The cloth and a body cast the sun's shadow on
-//! the cloth.
+//! In: an [`AveragedCloth`], its light, and rays from the eye. Out: the light of the cloth's layers
+//! along a ray. What cloth does not cover shows what is behind it. The cloth and a body cast the
+//! sun's shadow on the cloth.
 //!
 //! Cost: a ray for each layer that is seen, and rays to the sun.
 
@@ -23,10 +23,11 @@ use crate::{Camera, RenderOptions};
 const LEAST_SEEN: f32 = 0.01;
 /// Cosine between the normals of places that look alike.
 const ALIKE: f32 = 0.995;
-/// Sides of triangles, in pixels, up to which the sun's light is interpolated between their corners.
+/// Sides of triangles, in pixels, up to which the sun's light is interpolated between their
+/// corners.
 const TOLD_PIXELS: f32 = 16.0;
-/// Difference of the sun's light around a triangle from which on its places need rays of their own. A
-/// higher one loses the ends of shadows near what casts them.
+/// Difference of the sun's light around a triangle from which on its places need rays of their own.
+/// A higher one loses the ends of shadows near what casts them.
 const SHARP: f32 = 0.5;
 /// Rays from a vertex to the sun where its shadow ends.
 const VERTEX_RAYS: u32 = 64;
@@ -61,8 +62,8 @@ pub(super) struct Layer {
 /// All layers on a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layers {
-    /// Their light, with the share of the view that they cover in w. The sun's light on the nearest is not
-    /// in it.
+    /// Their light, with the share of the view that they cover in w. The sun's light on the nearest
+    /// is not in it.
     pub(super) light: Vec4,
     /// Light that the sun adds to the nearest where nothing hides it.
     pub(super) sun: Vec3,
@@ -71,8 +72,8 @@ pub(super) struct Layers {
 }
 
 impl Layer {
-    /// Whether all rays of a pixel meet one stretch of cloth. `pixel_at` is the size of a pixel at a
-    /// distance, mm.
+    /// Whether all rays of a pixel meet one stretch of cloth. `pixel_at` is the size of a pixel at
+    /// a distance, mm.
     pub(super) fn are_one(nearest: &[Option<Self>], pixel_at: impl Fn(f32) -> f32) -> bool {
         let [Some(first), rest @ ..] = nearest else { return false };
         let apart = pixel_at(first.hit.distance) / FLATTEST;
@@ -125,8 +126,8 @@ impl<'a> LitCloth<'a> {
         places.par_iter().zip(normals).map(|(place, normal)| at(*place, *normal)).collect()
     }
 
-    /// Whether the corners of each triangle tell the sun's light all over it: where it has sides up to
-    /// `longest` mm, and where the light is much the same at all vertices next to its corners.
+    /// Whether the corners of each triangle tell the sun's light all over it: where it has sides up
+    /// to `longest` mm, and where the light is much the same at all vertices next to its corners.
     fn told_by_corners(&self, suns: &[f32], longest: f32) -> Vec<bool> {
         let surface = &self.cloth.surface;
         let (places, _) = surface.vertices();
@@ -158,15 +159,16 @@ impl<'a> LitCloth<'a> {
         is_told.then(|| self.cloth.surface.interpolate(&layer.hit, at).x)
     }
 
-    /// The nearest layer along a ray from the eye through a place of a pixel, within these distances.
+    /// The nearest layer along a ray from the eye through a place of a pixel, within these
+    /// distances.
     pub(super) fn nearest(&self, pixel: [u32; 2], toward: Vec3, within: [f32; 2]) -> Option<Layer> {
         let hit = self.triangles.nearest(pixel, toward, within)?;
         let surface = self.cloth.surface.surface(&hit, self.eye, toward);
         Some(Layer { pixel, toward, hit, surface })
     }
 
-    /// The layers on a ray, from the nearest one to `reach`. Rays go to these places of the sun from those
-    /// behind the nearest.
+    /// The layers on a ray, from the nearest one to `reach`. Rays go to these places of the sun
+    /// from those behind the nearest.
     pub(super) fn behind(
         &self,
         nearest: &Layer,

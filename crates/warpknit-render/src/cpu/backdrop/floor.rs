@@ -2,8 +2,8 @@
 //!
 //! In: a [`Set`] and its [`Cove`]. Out: [`FloorLight`], the fractions of the sun's and of the sky's
 //! light in squares of the floor, interpolated between their middles. In pictures of common sizes,
-//! squares are about a hundredth of the cloth wide. The sun's penumbra is wider than that but for the
-//! last centimetres of a cloth.
+//! squares are about a hundredth of the cloth wide. The sun's penumbra is wider than that but for
+//! the last centimetres of a cloth.
 
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
@@ -68,8 +68,8 @@ impl FloorLight {
         Self { corner, side, step, squares: squares.collect() }
     }
 
-    /// The fractions at a place of the floor, or above it, and whether the sun's shadow ends there within
-    /// a square.
+    /// The fractions at a place of the floor, or above it, and whether the sun's shadow ends there
+    /// within a square.
     pub(super) fn at(&self, place: Vec3) -> ([f32; 2], bool) {
         let at = (place.xz() - self.corner) / self.step - 0.5;
         let last = (self.side - 1) as f32;
@@ -98,7 +98,8 @@ fn coarse_squares(side: usize, of: impl Fn([usize; 2]) -> f32 + Sync) -> Vec<f32
     squares.map(|number| of([number % half * 2, number / half * 2])).collect()
 }
 
-/// What a square has as one of the coarse ones, or as the mean of those around it if they are alike.
+/// What a square has as one of the coarse ones, or as the mean of those around it if they are
+/// alike.
 fn coarse_at(coarse: &[f32], side: usize, [column, row]: [usize; 2]) -> Option<f32> {
     let half = side.div_ceil(2);
     let last = half - 1;

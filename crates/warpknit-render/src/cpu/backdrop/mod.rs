@@ -6,8 +6,8 @@
 //! in squares of the floor ([`floor`]): both change slowly. The sun's is found at each place of the
 //! body, and in the floor's squares.
 //!
-//! Cost: a ray for each quarter of a pixel where there is a body, and four more where it is hit. The
-//! floor takes up to three million rays a picture.
+//! Cost: a ray for each quarter of a pixel where there is a body, and four more where it is hit.
+//! The floor takes up to three million rays a picture.
 
 mod cloth;
 mod floor;
@@ -43,8 +43,8 @@ const EVENLY_LIT: f32 = 0.05;
 const BODY: Vec3 = Vec3::new(0.47, 0.40, 0.355);
 /// Base colour of floor and wall, linear. A lighter one lets white cloth vanish.
 const STUDIO: Vec3 = Vec3::new(0.60, 0.60, 0.605);
-/// Distance from the cloth over which the studio's light falls to a half, in diagonals of the cloth's
-/// box: lamps light the cloth, and not the hall.
+/// Distance from the cloth over which the studio's light falls to a half, in diagonals of the
+/// cloth's box: lamps light the cloth, and not the hall.
 const POOL: f32 = 3.2;
 /// Share of the light of a free surface that comes from the surfaces that hide its sky.
 const BOUNCE: f32 = 0.3;
@@ -143,8 +143,8 @@ impl<'a> Backdrop<'a> {
         behind
     }
 
-    /// Puts averaged cloth before what a pixel sees. Where a pixel shows one stretch of cloth, its first
-    /// quarter stands for all.
+    /// Puts averaged cloth before what a pixel sees. Where a pixel shows one stretch of cloth, its
+    /// first quarter stands for all.
     fn add_cloth(
         &self,
         cloth: &LitCloth<'_>,
@@ -186,8 +186,8 @@ impl<'a> Backdrop<'a> {
         self.camera.direction(across, up, self.options.aspect()).as_vec3()
     }
 
-    /// The light of the studio, or else of the environment. Nothing where there is neither. Where bodies hide
-    /// it, it may be coarse: little of it comes through the filter from the next pixel.
+    /// The light of the studio, or else of the environment. Nothing where there is neither. Where
+    /// bodies hide it, it may be coarse: little of it comes through the filter from the next pixel.
     fn far_light(&self, pixel: [u32; 2], sampler: &Sampler, is_hidden: bool) -> Vec4 {
         if let Some((cove, floor)) = &self.studio {
             let toward = self.direction(pixel, Vec2::splat(0.5));
@@ -222,8 +222,8 @@ impl<'a> Backdrop<'a> {
         self.studio_reflects(normal, place.distance(cove.foot) / cove.size, [sun, open])
     }
 
-    /// The light of floor or wall so far from the cloth's foot, in diagonals of its box, which these
-    /// fractions of the sun's and the sky's light reach.
+    /// The light of floor or wall so far from the cloth's foot, in diagonals of its box, which
+    /// these fractions of the sun's and the sky's light reach.
     fn studio_reflects(&self, normal: Vec3, away: f32, [sun, open]: [f32; 2]) -> Vec4 {
         let far = away.min(FARTHEST) / POOL;
         (self.reflected(STUDIO, normal, sun, open) / (1.0 + far * far)).extend(1.0)
@@ -263,9 +263,10 @@ impl BodySuns {
     }
 }
 
-/// The fraction of the sun's light that reaches the nearest cloth in each quarter of a pixel. Where its
-/// vertices don't tell, there are rays. In a pixel of one stretch of cloth, a ray from each quarter goes to
-/// the rim of the sun first, to another side of it. Where these differ, the shadow ends, and more are needed.
+/// The fraction of the sun's light that reaches the nearest cloth in each quarter of a pixel. Where
+/// its vertices don't tell, there are rays. In a pixel of one stretch of cloth, a ray from each
+/// quarter goes to the rim of the sun first, to another side of it. Where these differ, the shadow
+/// ends, and more are needed.
 fn sunlit(
     cloth: &LitCloth<'_>,
     nearest: &[Option<Layer>; QUARTERS],

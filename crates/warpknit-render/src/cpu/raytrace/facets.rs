@@ -1,11 +1,11 @@
 //! What flat cloth shows to a distant eye: the places of its yarns that parallel rays meet.
 //!
-//! In: a [`RayTracer`] of a flat piece of cloth, and directions in the cloth's axes. Out: [`Facets`],
-//! the places that an eye sees, and the light that they reflect toward it, as means over the area of the
-//! cloth. Rays, shading and the light in gaps are those of pictures.
+//! In: a [`RayTracer`] of a flat piece of cloth, and directions in the cloth's axes. Out:
+//! [`Facets`], the places that an eye sees, and the light that they reflect toward it, as means
+//! over the area of the cloth. Rays, shading and the light in gaps are those of pictures.
 //!
-//! Sky light is linear in the direction to the brightest sky. So it is found once for each direction to
-//! the eye ([`SkyResponse`]), and then holds for a cloth that is turned in any way.
+//! Sky light is linear in the direction to the brightest sky. So it is found once for each
+//! direction to the eye ([`SkyResponse`]), and then holds for a cloth that is turned in any way.
 
 use glam::{Mat3, Vec2, Vec3};
 
@@ -47,8 +47,9 @@ impl SkyResponse {
 }
 
 impl RayTracer<'_> {
-    /// The places seen of a flat cloth that faces +z, from far away in the direction `toward_eye`. Rays
-    /// are spread over an area between two corners, mm. The light's colours are those of `rig`.
+    /// The places seen of a flat cloth that faces +z, from far away in the direction `toward_eye`.
+    /// Rays are spread over an area between two corners, mm. The light's colours are those of
+    /// `rig`.
     pub(in crate::cpu) fn facets(&self, toward_eye: Vec3, area: [Vec2; 2], rig: &Rig) -> Facets {
         let sampler = Sampler::new(0, 0, 0);
         let mut waiting = Waiting::new();
@@ -75,8 +76,8 @@ impl RayTracer<'_> {
         Facets { hits, cover, sky: SkyResponse { mean, slopes } }
     }
 
-    /// The sun's light that facets reflect toward their eye, as a mean over the cloth's area, where the
-    /// sun stands as in `rig`, in the cloth's axes.
+    /// The sun's light that facets reflect toward their eye, as a mean over the cloth's area, where
+    /// the sun stands as in `rig`, in the cloth's axes.
     pub(in crate::cpu) fn sunlight(&self, facets: &Facets, rig: &Rig) -> Vec3 {
         let sampler = Sampler::new(0, 0, 0);
         let mut waiting = Waiting::new();
@@ -132,8 +133,8 @@ impl RayTracer<'_> {
     }
 }
 
-/// Rigs with the light of `rig`, and the brightest sky to the right, to the left, up the wales, and out
-/// of the face.
+/// Rigs with the light of `rig`, and the brightest sky to the right, to the left, up the wales, and
+/// out of the face.
 fn probes(rig: &Rig) -> [Rig; 4] {
     [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::Z].map(|zenith| rig.seen_from(rig.toward_sun, zenith))
 }

@@ -100,7 +100,8 @@ impl<'a> RayTracer<'a> {
         tracer
     }
 
-    /// What a ray through a place of the picture meets, in pixels, and the light that arrives there.
+    /// What a ray through a place of the picture meets, in pixels, and the light that arrives
+    /// there.
     pub(super) fn light_sample(&self, [x, y]: [f32; 2]) -> Option<LightSample> {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded down")]
         let pixel = [x as u32, y as u32];
@@ -154,8 +155,8 @@ impl<'a> RayTracer<'a> {
         place + self.bvh.segments.paths.centre.as_vec3()
     }
 
-    /// Distance along a primary ray up to which yarns are seen: to the body, and through its skin. It
-    /// is negative where the body stands before the box that the ray starts from.
+    /// Distance along a primary ray up to which yarns are seen: to the body, and through its skin.
+    /// It is negative where the body stands before the box that the ray starts from.
     fn reach_to_body(&self, ray: &SceneRay) -> f32 {
         let (eye, start) = (self.eye.camera.eye().as_vec3(), self.in_world(ray.origin));
         let reach = self.body().and_then(|body| body.reach_through_skin(eye, ray.direction));
@@ -337,7 +338,8 @@ impl<'a> RayTracer<'a> {
         SkyLight { light: light * share(1, rays), open: share(open, rays) }
     }
 
-    /// Direction number `index` of `count` into the sky, and the first point of a segment that blocks it.
+    /// Direction number `index` of `count` into the sky, and the first point of a segment that
+    /// blocks it.
     fn sky_ray(
         &self,
         here: &SurfaceHit,
@@ -345,8 +347,8 @@ impl<'a> RayTracer<'a> {
         waiting: &mut Waiting,
     ) -> (Vec3, Option<u32>) {
         let u = sampler.pair(SampleDimension::Sky, index, count);
-        // Importance sampling: the density of directions is the cosine over pi, so all rays weigh the
-        // same.
+        // Importance sampling: the density of directions is the cosine over pi, so all rays weigh
+        // the same.
         let toward = cosine_direction(here.surface.normal, u);
         // A direction below the smooth surface points into the yarn itself.
         if here.smooth_normal.dot(toward) <= 0.0 {
