@@ -19,10 +19,13 @@ use super::loupe::Loupe;
 use super::pictures::{self, Pictures};
 use super::setup::Setup;
 use super::views::{self, InView};
-use crate::drape::{self, Block, Cloth};
+use crate::drape::{self, Block, Cloth, DrapeOptions};
 use crate::render::averaged::{self, AveragedCloth};
 use crate::render::scene::Scene;
 use crate::render::{Camera, RenderOptions, RendererChoice, cloth};
+
+/// Stitches that are laid of a cloth that is drawn as a surface.
+const SAMPLED_STITCHES: u64 = 50_000;
 
 /// What pictures show of a cloth.
 pub(super) struct Drawn<'a> {
@@ -40,7 +43,8 @@ enum ShownCloth<'a> {
     All,
     /// Those in view.
     InView(InView, Cloth<'a>),
-    /// None, since no pixel shows a yarn.
+    /// None, since no pixel shows a yarn. Some are laid all the same: they tell how the cloth is
+    /// strained.
     Averaged(Cloth<'a>),
 }
 
@@ -67,11 +71,14 @@ impl<'a> Drawn<'a> {
         };
         let averaged = averaged(job, scene, &cameras, &whole);
         let shown = match &averaged {
-            Some((_, share)) if *share >= 1.0 => ShownCloth::Averaged(job.cloth.bare()),
+            Some((_, share)) if *share >= 1.0 => {
+                ShownCloth::Averaged(job.cloth.sampled(SAMPLED_STITCHES))
+            }
             _ => of_cameras(&cameras, &whole),
         };
         let bytes = |shown: &ShownCloth<'a>, cameras: &[Camera], options: &RenderOptions| {
-            picture_bytes(shown.cloth(job), job.shown, scene, cameras, &job.options, options)
+            let (cloth, laying) = (shown.cloth(job), shown.laying(job));
+            picture_bytes(cloth, job.shown, scene, cameras, &laying, options)
         };
         let surface = averaged.as_ref().map_or(0.0, |_| averaged_bytes(job.cloth.garment()));
         let mut needed = surface + bytes(&shown, &cameras, &options);
@@ -97,6 +104,11 @@ impl<'a> Drawn<'a> {
     /// Stitches of the cloth that pictures show.
     pub(super) fn stitches(&self, job: &Job<'_>) -> u64 {
         if self.is_averaged() { job.cloth.stitches() } else { self.cloth(job).stitches() }
+    }
+
+    /// Options of laying the cloth that pictures need.
+    pub(super) fn laying(&self, job: &Job<'_>) -> DrapeOptions {
+        self.shown.laying(job)
     }
 
     /// Whether pictures show only a part of the cloth.
@@ -154,10 +166,19 @@ impl<'a> ShownCloth<'a> {
         }
     }
 
+    /// Options of laying it. Yarns that stand for the others have no neighbours to be moved from.
+    fn laying(&self, job: &Job<'_>) -> DrapeOptions {
+        match self {
+            Self::All | Self::InView(..) => job.options,
+            Self::Averaged(_) => DrapeOptions { sweeps: Some(false), ..job.options },
+        }
+    }
+
     fn add_to(&self, scene: &mut Scene, block: &Block) {
         match self {
             Self::InView(in_view, _) => in_view.add_to(scene, block),
-            Self::All | Self::Averaged(_) => cloth::add_to(scene, block),
+            Self::All => cloth::add_to(scene, block),
+            Self::Averaged(_) => {}
         }
     }
 }

@@ -203,10 +203,11 @@ impl<'a> Prepared<'a> {
         let (is_averaged, is_in_view) =
             (drawn.is_some_and(Drawn::is_averaged), drawn.is_some_and(Drawn::is_part));
         // A part of the cloth can be without yarns while the whole has some.
-        if job.part.is_none() && !is_in_view && !is_averaged {
+        if job.part.is_none() && !is_in_view {
             check_laid(&totals)?;
         }
-        all.messages.warn(loss_warning(&totals), clock);
+        // Some yarns that stand for all would tell too small a number.
+        all.messages.warn(loss_warning(&totals).filter(|_| !is_averaged), clock);
         all.messages.warn(locked_warning(&strain, job.cloth.garment()), clock);
         clock.begin(Task::Write, 1.0);
         clock.divide(&totals.laying);
@@ -283,6 +284,7 @@ fn lay(
     if let Some((drawn, scene)) = pictures.take_if(|(drawn, _)| {
         job.part.is_some() || drawn.is_part() || drawn.is_averaged() || is_uneven
     }) {
+        let laying = drawn.laying(job);
         let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
             blocks.iter().for_each(|block| {
                 strain[block.panel] += block.strain;
@@ -291,14 +293,11 @@ fn lay(
             Ok(())
         };
         if is_only_drawn && job.part.is_none() {
-            return Ok((
-                drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?,
-                None,
-            ));
+            return Ok((drape::run(drawn.cloth(job), &laying, &mut announce, &mut show)?, None));
         }
         // This time counts as rendering, so that it stays out of the files' own numbers.
         let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
-        drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?;
+        drape::run(drawn.cloth(job), &laying, &mut announce, &mut show)?;
         strain.fill(StrainCounts::default());
     }
     let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {

@@ -111,7 +111,7 @@ impl Pictures {
                 }
             };
             if let Some(far) = far.as_ref().filter(|far| far.share < 1.0) {
-                let averaged = self.paint_far(far, camera, &options, &|_| ())?;
+                let averaged = self.paint_far(far, camera, &options, &progress)?;
                 tone::mix(&mut picture, &averaged, far.share);
             }
             if let Some((loupe, inset)) = inset {

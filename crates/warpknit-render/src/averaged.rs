@@ -82,9 +82,10 @@ impl AveragedCloth {
             triangles.extend(panel.triangles.iter().map(|corners| corners.map(|at| first + at)));
         }
         let surface = Mesh::new(positions, normals, &triangles)?;
-        let (piece, area) = flat_piece(fabric, pattern, looks);
-        let [low, high] = pattern.depths();
+        let looks = looks_of_bars(fabric, looks);
         let thickest = looks.looks.iter().map(|look| look.radius).fold(0.0, f32::max);
+        let (piece, area) = flat_piece(fabric, pattern, looks, f64::from(thickest));
+        let [low, high] = pattern.depths();
         let half_depth = narrow(0.5 * (high - low)) + thickest;
         let options = RenderOptions::default();
         let camera = distant_camera(area, f64::from(thickest), options.height);
@@ -118,13 +119,24 @@ fn wales_of(panel: &Panel) -> Vec<Vec3> {
     sums.into_iter().map(|sum| sum.as_vec3()).collect()
 }
 
+/// An empty scene with the looks of a fabric's bars alone, and not those of sewing threads.
+fn looks_of_bars(fabric: &Fabric, looks: &Scene) -> Scene {
+    let mut looks = Scene { extent: None, ..looks.clone() };
+    looks.looks.truncate(fabric.yarn_systems());
+    looks
+}
+
 /// A flat piece of a fabric, and two corners of a part of whole repeats that has cloth all around
 /// it.
-fn flat_piece(fabric: &Fabric, pattern: &Pattern, looks: &Scene) -> (Scene, [Vec2; 2]) {
+fn flat_piece(
+    fabric: &Fabric,
+    pattern: &Pattern,
+    looks: Scene,
+    thickest: f64,
+) -> (Scene, [Vec2; 2]) {
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     let repeat = repeat_size(fabric);
     let area = (spacing * AREA_STITCHES / repeat).ceil() * repeat;
-    let thickest = looks.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
     // From a place of the area a ray goes to a yarn, and from there another one to the sky.
     let reach = 2.0 * f64::from(SKY_REACH_RADII) * thickest;
     let lapping = f64::from(fabric.structure.widest_lapping());
@@ -136,7 +148,7 @@ fn flat_piece(fabric: &Fabric, pattern: &Pattern, looks: &Scene) -> (Scene, [Vec
     let [low, high] = panel.panels[0].bounds();
     let laid = Cloth::swatch_with(&panel, fabric, pattern.clone(), [wales, courses]);
     // It is its own drape, so no strain has to be looked up.
-    let piece = cloth::with_mapped(&laid, looks.clone(), Mapping::Smooth);
+    let piece = cloth::with_mapped(&laid, looks, Mapping::Smooth);
     let middle = low.midpoint(high);
     let corners = [middle - area / 2.0, middle + area / 2.0].map(|corner| corner.as_vec2());
     (piece, corners)

@@ -117,11 +117,18 @@ pub fn blend(pixel: [u8; 4], behind: Vec4, exposure: f32, background: Background
     over((yarn, alpha), toned(behind, exposure), background)
 }
 
-/// Mixes a picture with a share, 0 to 1, of another one of the same size.
+/// Mixes a picture with a share, 0 to 1, of another one of the same size. Both have straight alpha,
+/// so colours count as far as they cover.
 pub fn mix(picture: &mut RgbaImage, other: &RgbaImage, share: f32) {
-    for (own, other) in picture.iter_mut().zip(other.iter()) {
-        let mixed = f32::from(*own) * (1.0 - share) + f32::from(*other) * share;
-        *own = byte(mixed / 255.0);
+    for (own, other) in picture.pixels_mut().zip(other.pixels()) {
+        let [one, two] = [(own.0[3], 1.0 - share), (other.0[3], share)]
+            .map(|(alpha, share)| f32::from(alpha) / 255.0 * share);
+        let alpha = one + two;
+        for (own, other) in own.0.iter_mut().zip(other.0).take(3) {
+            let sum = f32::from(*own) * one + f32::from(other) * two;
+            *own = byte(if alpha > 0.0 { sum / alpha / 255.0 } else { 0.0 });
+        }
+        own.0[3] = byte(alpha);
     }
 }
 
@@ -214,6 +221,21 @@ mod tests {
         let yarns = at(half, Vec4::ZERO, Background::Transparent);
         for (one, other) in blend(yarns, red, 1.0, blue).into_iter().zip([r, g, b, 255]) {
             assert!(one.abs_diff(other) <= 1);
+        }
+    }
+
+    #[test]
+    fn pictures_mix_by_what_they_cover() {
+        let picture = |pixel: [u8; 4]| RgbaImage::from_pixel(1, 1, image::Rgba(pixel));
+        for (one, other, share, mixed) in [
+            ([200, 100, 0, 255], [100, 200, 50, 255], 0.5, [150, 150, 25, 255]),
+            ([200, 100, 0, 255], [0, 0, 0, 0], 0.5, [200, 100, 0, 128]),
+            ([200, 100, 0, 255], [9, 9, 9, 255], 0.0, [200, 100, 0, 255]),
+            ([0, 0, 0, 0], [0, 0, 0, 0], 0.3, [0, 0, 0, 0]),
+        ] {
+            let mut found = picture(one);
+            mix(&mut found, &picture(other), share);
+            assert_eq!(found.get_pixel(0, 0).0, mixed);
         }
     }
 }

@@ -55,9 +55,28 @@ impl<'a> Cloth<'a> {
         cloth
     }
 
-    /// The cloth without any of its yarns, for pictures from so far away that they need none.
+    /// Some of its yarns, evenly from all of them: about `most` stitches, for numbers that are
+    /// shares of the cloth.
     #[must_use]
-    pub fn bare(&self) -> Self {
+    pub fn sampled(&self, most: u64) -> Self {
+        let step = usize::try_from(self.stitches().div_ceil(most.max(1))).unwrap_or(usize::MAX);
+        let mut cloth = self.bare();
+        let mut number = 0;
+        for block in &self.blocks {
+            let is_wanted = |_: &&YarnPlan| {
+                number += 1;
+                number % step.max(1) == 0
+            };
+            let yarns: Vec<_> = block.yarns.iter().filter(is_wanted).cloned().collect();
+            if !yarns.is_empty() {
+                cloth.blocks.push(BlockPlan { yarns, ..*block });
+            }
+        }
+        cloth
+    }
+
+    /// The cloth without any of its yarns.
+    fn bare(&self) -> Self {
         Self {
             garment: self.garment,
             pattern: self.pattern.clone(),

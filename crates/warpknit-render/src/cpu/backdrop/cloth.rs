@@ -9,10 +9,10 @@
 use glam::{Mat3, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::EVENLY_LIT;
 use super::triangles::PictureTriangles;
+use super::{EVENLY_LIT, extremes, spread};
 use crate::averaged::{AveragedCloth, FLATTEST};
-use crate::cpu::averaged::Appearance;
+use crate::cpu::averaged::{Appearance, Averaged};
 use crate::cpu::sample::{SampleDimension, Sampler};
 use crate::cpu::to_f32;
 use crate::light::Rig;
@@ -25,7 +25,7 @@ const LEAST_SEEN: f32 = 0.01;
 const ALIKE: f32 = 0.995;
 /// Sides of triangles, in pixels, up to which the sun's light is interpolated between their
 /// corners.
-const TOLD_PIXELS: f32 = 16.0;
+const SOFT_PIXELS: f32 = 16.0;
 /// Difference of the sun's light around a triangle from which on its places need rays of their own.
 /// A higher one loses the ends of shadows near what casts them.
 const SHARP: f32 = 0.5;
@@ -46,8 +46,8 @@ pub(super) struct LitCloth<'a> {
     cover: f32,
     /// The fraction of the sun's light at each vertex.
     suns: Vec<f32>,
-    /// Whether those of its corners tell the light all over a triangle.
-    is_told: Vec<bool>,
+    /// Whether the light on a triangle is interpolated between its corners.
+    is_soft: Vec<bool>,
 }
 
 /// The nearest layer of the cloth on a ray.
@@ -95,16 +95,16 @@ impl<'a> LitCloth<'a> {
         (camera, options): (&Camera, &RenderOptions),
     ) -> Option<Self> {
         let appearance = Appearance::new(cloth, rig)?;
-        let cover = appearance.of(&Mat3::IDENTITY, Vec3::Z).cover;
+        let cover = appearance.of(&Mat3::IDENTITY, Vec3::Z, true).cover;
         let eye = camera.eye().as_vec3();
-        let (suns, is_told) = (Vec::new(), Vec::new());
+        let (suns, is_soft) = (Vec::new(), Vec::new());
         let triangles = PictureTriangles::new(&cloth.surface, camera, options);
-        let lit = Self { cloth, appearance, set, rig: *rig, eye, triangles, cover, suns, is_told };
+        let lit = Self { cloth, appearance, set, rig: *rig, eye, triangles, cover, suns, is_soft };
         let middle = cloth.surface.bounds().centre();
         let pixel = camera.pixel_size(f64::from(eye.distance(middle)), options.height);
         let suns = lit.suns_at_vertices();
-        let is_told = lit.told_by_corners(&suns, TOLD_PIXELS * to_f32(pixel));
-        Some(Self { suns, is_told, ..lit })
+        let is_soft = lit.softly_lit(&suns, SOFT_PIXELS * to_f32(pixel));
+        Some(Self { suns, is_soft, ..lit })
     }
 
     /// The fraction of the sun's light at each vertex.
@@ -128,7 +128,7 @@ impl<'a> LitCloth<'a> {
 
     /// Whether the corners of each triangle tell the sun's light all over it: where it has sides up
     /// to `longest` mm, and where the light is much the same at all vertices next to its corners.
-    fn told_by_corners(&self, suns: &[f32], longest: f32) -> Vec<bool> {
+    fn softly_lit(&self, suns: &[f32], longest: f32) -> Vec<bool> {
         let surface = &self.cloth.surface;
         let (places, _) = surface.vertices();
         let mut around: Vec<[f32; 2]> = suns.iter().map(|sun| [*sun; 2]).collect();
@@ -140,7 +140,7 @@ impl<'a> LitCloth<'a> {
                 (*low, *high) = (low.min(least), high.max(most));
             }
         }
-        let is_told = |corners: &[u32; 3]| {
+        let is_soft = |corners: &[u32; 3]| {
             let corners = corners.map(|vertex| vertex as usize);
             let [a, b, c] = corners.map(|vertex| places[vertex]);
             let sides = [a.distance(b), b.distance(c), c.distance(a)];
@@ -149,14 +149,14 @@ impl<'a> LitCloth<'a> {
             let [_, most] = extremes(near.map(|[_, high]| high));
             most - least < SHARP && sides.iter().all(|side| *side < longest)
         };
-        surface.triangles().par_iter().map(is_told).collect()
+        surface.triangles().par_iter().map(is_soft).collect()
     }
 
-    /// The fraction of the sun's light on a layer, where the vertices around tell it.
-    pub(super) fn told_sun(&self, layer: &Layer) -> Option<f32> {
+    /// The fraction of the sun's light on a layer, where it is interpolated.
+    pub(super) fn interpolated_sun(&self, layer: &Layer) -> Option<f32> {
         let at = |vertex: usize| Vec3::splat(self.suns[vertex]);
-        let is_told = self.is_told[layer.hit.triangle];
-        is_told.then(|| self.cloth.surface.interpolate(&layer.hit, at).x)
+        let is_soft = self.is_soft[layer.hit.triangle];
+        is_soft.then(|| self.cloth.surface.interpolate(&layer.hit, at).x)
     }
 
     /// The nearest layer along a ray from the eye through a place of a pixel, within these
@@ -176,14 +176,16 @@ impl<'a> LitCloth<'a> {
         suns: impl Iterator<Item = [f32; 2]> + Clone,
     ) -> Layers {
         let toward = nearest.toward;
-        let seen = self.appearance.of(&self.axes(nearest), -toward);
+        let seen = self.averaged(nearest);
         let (mut light, mut left) = (seen.sky, 1.0 - seen.cover);
         let mut least = nearest.hit.distance + APART;
         while left > LEAST_SEEN {
             let Some(layer) = self.nearest(nearest.pixel, toward, [least, reach]) else { break };
             least = layer.hit.distance + APART;
-            let seen = self.appearance.of(&self.axes(&layer), -toward);
-            let lit = self.told_sun(&layer).unwrap_or_else(|| self.mean_sun(&layer, suns.clone()));
+            let seen = self.averaged(&layer);
+            let lit = self
+                .interpolated_sun(&layer)
+                .unwrap_or_else(|| self.mean_sun(&layer, suns.clone()));
             light += (seen.sky + seen.sun * lit) * left;
             left *= 1.0 - seen.cover;
         }
@@ -218,23 +220,12 @@ impl<'a> LitCloth<'a> {
         self.cloth.surface.passes(from, toward, LEAVE, |cosine| passed(self.cover, cosine))
     }
 
-    /// Right, up and out of the technical face of a layer.
-    fn axes(&self, Layer { toward, hit, surface, .. }: &Layer) -> Mat3 {
+    /// What a layer shows of its cloth.
+    fn averaged(&self, Layer { toward, hit, surface, .. }: &Layer) -> Averaged {
         let is_front = self.cloth.surface.is_front(hit, *toward);
         let out = if is_front { surface.normal } else { -surface.normal };
         let wale = self.cloth.surface.interpolate(hit, |vertex| self.cloth.wales[vertex]);
         let up = (wale - out * wale.dot(out)).normalize_or(out.any_orthonormal_vector());
-        Mat3::from_cols(up.cross(out), up, out)
+        self.appearance.of(&Mat3::from_cols(up.cross(out), up, out), -*toward, is_front)
     }
-}
-
-/// The least and the largest of some fractions.
-pub(super) fn extremes<const COUNT: usize>(of: [f32; COUNT]) -> [f32; 2] {
-    of.into_iter().fold([1.0, 0.0], |[least, most], one| [one.min(least), one.max(most)])
-}
-
-/// Their difference.
-pub(super) fn spread<const COUNT: usize>(of: [f32; COUNT]) -> f32 {
-    let [least, most] = extremes(of);
-    most - least
 }

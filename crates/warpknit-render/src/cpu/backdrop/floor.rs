@@ -8,7 +8,7 @@
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
 
-use super::sun_on_floor;
+use super::{spread, sun_on_floor};
 use crate::cpu::sample::{SampleDimension, Sampler};
 use crate::light::Rig;
 use crate::set::{Cove, Set};
@@ -85,9 +85,9 @@ impl FloorLight {
         let fade = (inside / (FADE * last / 2.0)).min(1.0);
         let suns = [first, first + 1, first + self.side, first + self.side + 1]
             .map(|square| self.squares[square][0]);
-        let least = suns.into_iter().fold(f32::INFINITY, f32::min);
-        let most = suns.into_iter().fold(f32::NEG_INFINITY, f32::max);
-        (mix([1.0; 2], mix(top, bottom, part.y), fade), most - least > SHARP)
+        // Shadows that fade out have no sharp ends.
+        let is_sharp = fade >= 1.0 && spread(suns) > SHARP;
+        (mix([1.0; 2], mix(top, bottom, part.y), fade), is_sharp)
     }
 }
 
@@ -107,9 +107,7 @@ fn coarse_at(coarse: &[f32], side: usize, [column, row]: [usize; 2]) -> Option<f
     let (above, below) = (row / 2, row.div_ceil(2).min(last));
     let around = [(left, above), (right, above), (left, below), (right, below)]
         .map(|(column, row)| coarse[row * half + column]);
-    let least = around.into_iter().fold(f32::INFINITY, f32::min);
-    let most = around.into_iter().fold(f32::NEG_INFINITY, f32::max);
-    (most - least <= ALIKE).then(|| around.iter().sum::<f32>() / 4.0)
+    (spread(around) <= ALIKE).then(|| around.iter().sum::<f32>() / 4.0)
 }
 
 fn mix(one: [f32; 2], other: [f32; 2], share: f32) -> [f32; 2] {

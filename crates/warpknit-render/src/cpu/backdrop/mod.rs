@@ -6,8 +6,10 @@
 //! in squares of the floor ([`floor`]): both change slowly. The sun's is found at each place of the
 //! body, and in the floor's squares.
 //!
+//! Averaged cloth ([`cloth`]) counts as a body that covers a part of the view.
+//!
 //! Cost: a ray for each quarter of a pixel where there is a body, and four more where it is hit.
-//! The floor takes up to three million rays a picture.
+//! The floor takes up to a million rays into the sky, and rays to the sun where its shadow ends.
 
 mod cloth;
 mod floor;
@@ -24,7 +26,7 @@ use super::to_f32;
 use crate::light::Rig;
 use crate::set::{Cove, MeshSurface, Set};
 use crate::{Camera, RenderOptions};
-use cloth::{Layer, LitCloth, spread};
+use cloth::{Layer, LitCloth};
 use floor::FloorLight;
 use warpknit_core::ids::index32;
 
@@ -77,9 +79,19 @@ impl Behind {
     }
 
     /// Light of the body at a place of the pixel, 0..1 across and down.
-    pub(super) fn body_at(&self, [across, down]: [f32; 2]) -> Vec4 {
-        self.body[usize::from(across >= 0.5) + 2 * usize::from(down >= 0.5)]
+    pub(super) fn body_at(&self, place: [f32; 2]) -> Vec4 {
+        self.body[quarter_of(place)]
     }
+
+    /// How far along the camera's axis a place of the pixel shows yarns, mm.
+    pub(super) fn reach_at(&self, place: [f32; 2]) -> f32 {
+        self.reach[quarter_of(place)]
+    }
+}
+
+/// The quarter that a place of the pixel lies in.
+fn quarter_of([across, down]: [f32; 2]) -> usize {
+    usize::from(across >= 0.5) + 2 * usize::from(down >= 0.5)
 }
 
 /// The middle of a quarter of a pixel.
@@ -156,7 +168,9 @@ impl<'a> Backdrop<'a> {
         let reach: [f32; QUARTERS] = std::array::from_fn(|at| behind.reach[at] / cosines[at]);
         let nearest: [Option<Layer>; QUARTERS] =
             std::array::from_fn(|at| cloth.nearest(pixel, directions[at], [0.0, reach[at]]));
-        let is_even = Layer::are_one(&nearest, |distance| self.pixel_at(distance));
+        // A quarter with another body behind it shows that.
+        let is_even = reach.iter().all(|reach| reach.is_infinite())
+            && Layer::are_one(&nearest, |distance| self.pixel_at(distance));
         let lit = sunlit(cloth, &nearest, is_even, suns);
         let mut first = None;
         for (at, layer) in nearest.iter().enumerate() {
@@ -273,11 +287,11 @@ fn sunlit(
     is_even: bool,
     suns: &BodySuns,
 ) -> [f32; QUARTERS] {
-    let told = nearest.map(|layer| layer.map_or(Some(0.0), |layer| cloth.told_sun(&layer)));
+    let soft = nearest.map(|layer| layer.map_or(Some(0.0), |layer| cloth.interpolated_sun(&layer)));
     let traced =
         |at: usize| nearest[at].as_ref().map_or(0.0, |layer| cloth.mean_sun(layer, suns.of(at)));
-    if !is_even || told.iter().all(Option::is_some) {
-        return std::array::from_fn(|at| told[at].unwrap_or_else(|| traced(at)));
+    if !is_even || soft.iter().all(Option::is_some) {
+        return std::array::from_fn(|at| soft[at].unwrap_or_else(|| traced(at)));
     }
     let rim = std::array::from_fn(|at| {
         let sun = [1.0, at as f32 / QUARTERS as f32];
@@ -286,6 +300,17 @@ fn sunlit(
     let own: [f32; QUARTERS] =
         if spread(rim) > EVENLY_LIT { std::array::from_fn(traced) } else { rim };
     [own.iter().sum::<f32>() / QUARTERS as f32; QUARTERS]
+}
+
+/// The least and the largest of some fractions.
+fn extremes<const COUNT: usize>(of: [f32; COUNT]) -> [f32; 2] {
+    of.into_iter().fold([1.0, 0.0], |[least, most], one| [one.min(least), one.max(most)])
+}
+
+/// Their difference.
+fn spread<const COUNT: usize>(of: [f32; COUNT]) -> f32 {
+    let [least, most] = extremes(of);
+    most - least
 }
 
 /// The fraction of the sun's light that reaches a place of the floor, by so many rays.

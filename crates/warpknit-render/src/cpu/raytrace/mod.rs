@@ -138,7 +138,8 @@ impl<'a> RayTracer<'a> {
             let place = sampler.pair(SampleDimension::Pixel, index, spp);
             let ray = self.eye.primary_ray([x, y], place, sampler.random_bits(index));
             let light = ray.map_or(Vec4::ZERO, |mut ray| {
-                ray.reach = self.reach_to_body(&ray);
+                ray.reach =
+                    self.reach_to_body(&ray).min(self.reach_to_averaged(&ray, behind, place));
                 self.sample(&ray, index, &sampler, &mut shared, &mut waiting)
             });
             splats.add(x, place, if light.w > 0.0 { light } else { behind.body_at(place) });
@@ -161,6 +162,16 @@ impl<'a> RayTracer<'a> {
         let (eye, start) = (self.eye.camera.eye().as_vec3(), self.in_world(ray.origin));
         let reach = self.body().and_then(|body| body.reach_through_skin(eye, ray.direction));
         reach.map_or(f32::INFINITY, |reach| reach - start.distance(eye))
+    }
+
+    /// Distance along a primary ray up to which yarns are seen before averaged cloth.
+    fn reach_to_averaged(&self, ray: &SceneRay, behind: &Behind, place: [f32; 2]) -> f32 {
+        if self.eye.options.averaged.is_none() {
+            return f32::INFINITY;
+        }
+        let ahead = self.eye.camera.to_world(Vec3::NEG_Z);
+        let start = self.in_world(ray.origin).distance(self.eye.camera.eye().as_vec3());
+        behind.reach_at(place) / ray.direction.dot(ahead) - start
     }
 
     /// Whether the body blocks a ray, beyond its skin.

@@ -2,12 +2,13 @@
 //! covers, instead of each ray searching a tree of millions of pieces.
 //!
 //! In: a scene of tubes, a camera, a light. Out: [`Splatter`], which adds the light of a pixel's
-//! pieces to the film. Coverage is exact to 1/64 of a pixel ([`masks`]): pieces are binned in blocks
-//! by tile ([`blocks`]), drawn as masks of 64 places in a pixel, and hidden front to back
+//! pieces to the film. Coverage is exact to 1/64 of a pixel ([`masks`]): pieces are binned in
+//! blocks by tile ([`blocks`]), drawn as masks of 64 places in a pixel, and hidden front to back
 //! ([`tiles`]). A piece is lit once in each pixel that sees it ([`light`]). A shadow map decides
 //! what the sun lights (Williams 1978, 'Casting curved shadows on curved surfaces'). The mean depth
 //! of the nearest layer around a pixel gives the visibility of the sky, as in the GPU renderer
-//! (`shaders/cloth.wgsl`). Both are estimates, whose mean errors are measured and taken out ([`fit`]).
+//! (`shaders/cloth.wgsl`). Both are estimates, whose mean errors are measured and taken out
+//! ([`fit`]).
 //!
 //! With more than 64 samples a pixel, it is split into cells with 64 places each.
 //!
@@ -50,8 +51,8 @@ use visible::{TileRows, tile_rows};
 /// the picture. Along a longer one, perspective would make that wrong, and yarns are traced
 /// instead.
 const MAX_PIECE_ANGLE: f32 = 0.05;
-/// Radius of the thickest yarn, pixels, below which a pixel has four cells. With one, its 64 places are
-/// too few for as many yarns: RMS 4.6 of 255 on locknit with a radius of 0.03 pixels.
+/// Radius of the thickest yarn, pixels, below which a pixel has four cells. With one, its 64 places
+/// are too few for as many yarns: RMS 4.6 of 255 on locknit with a radius of 0.03 pixels.
 const THIN_PIXELS: f32 = 0.045;
 /// Extra rows of pixels above and below the prepared ones, whose depths count for the sky of these.
 /// It must cover the reach of [`LayerDepths::sky_visibility`], two squares of pixels; otherwise
@@ -116,6 +117,9 @@ impl<'a> Splatter<'a> {
         let mut shadows = ShadowMap::new(&pieces, &screen, pixel, rig.toward_sun);
         if let Some(body) = options.set.as_ref().and_then(|set| set.body.as_ref()) {
             shadows.add_body(body, centre);
+        }
+        if let Some(averaged) = &options.averaged {
+            shadows.add_body(&averaged.surface, centre);
         }
         let planes = HalfPlanes::new();
         let fit = LightFit::new(
