@@ -47,6 +47,10 @@ pub struct AveragedCloth {
     pub(crate) surface: Mesh,
     /// Direction of the wales at each vertex, of any length.
     pub(crate) wales: Vec<Vec3>,
+    /// Whether a vertex is of cloth that a finished edge turns in.
+    is_turned_in: Vec<bool>,
+    /// Mean side of its triangles, mm.
+    pub(crate) side: f32,
     /// Half the distance between both faces of the cloth, mm.
     pub(crate) half_depth: f32,
     /// A flat piece of the cloth, with its technical face toward +z.
@@ -73,12 +77,13 @@ impl AveragedCloth {
             return None;
         }
         let (mut positions, mut normals, mut wales) = (Vec::new(), Vec::new(), Vec::new());
-        let mut triangles = Vec::new();
+        let (mut triangles, mut is_turned_in) = (Vec::new(), Vec::new());
         for panel in &garment.panels {
             let first = index32(positions.len());
             positions.extend(panel.draped.iter().map(|place| place.as_vec3()));
             normals.extend(panel.normals.iter().map(|normal| normal.as_vec3()));
             wales.extend(wales_of(panel));
+            is_turned_in.resize(positions.len(), panel.turned_in.is_some());
             triangles.extend(panel.triangles.iter().map(|corners| corners.map(|at| first + at)));
         }
         let surface = Mesh::new(positions, normals, &triangles)?;
@@ -89,8 +94,22 @@ impl AveragedCloth {
         let half_depth = narrow(0.5 * (high - low)) + thickest;
         let options = RenderOptions::default();
         let camera = distant_camera(area, f64::from(thickest), options.height);
-        Some(Self { surface, wales, half_depth, piece, area, camera, options })
+        let side = mean_side(&surface);
+        Some(Self { surface, wales, is_turned_in, side, half_depth, piece, area, camera, options })
     }
+
+    /// Whether a triangle of the surface is of cloth that a finished edge turns in.
+    pub(crate) fn is_turned_in(&self, triangle: usize) -> bool {
+        self.is_turned_in[self.surface.triangles()[triangle][0] as usize]
+    }
+}
+
+/// Mean side of a surface's triangles, mm.
+fn mean_side(surface: &Mesh) -> f32 {
+    let (places, _) = surface.vertices();
+    let side = |[a, b, _]: &[u32; 3]| places[*a as usize].distance(places[*b as usize]);
+    let sum: f64 = surface.triangles().iter().map(|corners| f64::from(side(corners))).sum();
+    narrow(sum / f64::from(index32(surface.triangles().len())))
 }
 
 /// Share of a picture, 0 to 1, that is drawn as averaged cloth, of a fabric within `extent`.

@@ -179,21 +179,22 @@ impl Mesh {
     }
 
     /// The fraction of light along a ray that passes all triangles beyond a distance. `passed` is
-    /// that of one triangle, given the cosine between ray and normal. Below [`DARK`] the rest is
-    /// left out.
+    /// that of one triangle, given its number and the cosine between ray and normal. Below [`DARK`]
+    /// the rest is left out.
     pub(crate) fn passes(
         &self,
         from: Vec3,
         toward: Vec3,
         least: f32,
-        passed: impl Fn(f32) -> f32,
+        passed: impl Fn(usize, f32) -> f32,
     ) -> f32 {
         let ray = ray(from, toward, [least, f32::INFINITY]);
         let mut light = 1.0;
         self.tree.ray_traverse_miss(ray, |ray, slot| {
             let triangle = self.of(slot);
             if triangle.intersect(ray).is_finite() {
-                light *= passed(triangle.compute_normal().dot(ray.direction).abs());
+                let number = self.tree.primitive_indices[slot] as usize;
+                light *= passed(number, triangle.compute_normal().dot(ray.direction).abs());
             }
             // A distance ends the search.
             if light < DARK { 0.0 } else { f32::INFINITY }
@@ -260,7 +261,7 @@ mod tests {
                 prop_assert!(place.distance(from + toward * hit.distance) < 1e-2);
             }
             prop_assert_eq!(mesh.blocks(from, toward, [0.0, f32::INFINITY]), !distances.is_empty());
-            let passed = mesh.passes(from, toward, 0.0, |_| 0.9);
+            let passed = mesh.passes(from, toward, 0.0, |_, _| 0.9);
             let all = (0..distances.len()).fold(1.0, |passed, _| passed * 0.9);
             prop_assert!(passed == all || (passed < DARK && all < DARK));
         }

@@ -77,7 +77,7 @@ impl Set {
             return 0.0;
         }
         let Some((cloth, cover)) = &self.cloth else { return 1.0 };
-        cloth.passes(from, toward, LEAVE, |cosine| passed(*cover, cosine))
+        cloth.passes(from, toward, LEAVE, |_, cosine| passed(*cover, cosine))
     }
 }
 

@@ -31,6 +31,12 @@ const SOFT_PIXELS: f32 = 16.0;
 const SHARP: f32 = 0.5;
 /// Rays from a vertex to the sun where its shadow ends.
 const VERTEX_RAYS: u32 = 64;
+/// Cosine between normal and sun below which a mesh's triangles shade each other where the cloth
+/// that they stand for does not.
+const RAKING: f32 = 0.35;
+/// How far behind its panel cloth counts that a finished edge turns in, mm. It lies on the rounded
+/// surface, which coarse triangles leave by a millimetre or two.
+const BEHIND: f32 = 3.0;
 /// Distance from one layer to the next at least, mm.
 const APART: f32 = 0.01;
 
@@ -98,7 +104,9 @@ impl<'a> LitCloth<'a> {
         let cover = appearance.of(&Mat3::IDENTITY, Vec3::Z, true).cover;
         let eye = camera.eye().as_vec3();
         let (suns, is_soft) = (Vec::new(), Vec::new());
-        let triangles = PictureTriangles::new(&cloth.surface, camera, options);
+        let triangles = PictureTriangles::new(&cloth.surface, camera, options, |triangle| {
+            if cloth.is_turned_in(triangle) { BEHIND } else { 0.0 }
+        });
         let lit = Self { cloth, appearance, set, rig: *rig, eye, triangles, cover, suns, is_soft };
         let middle = cloth.surface.bounds().centre();
         let pixel = camera.pixel_size(f64::from(eye.distance(middle)), options.height);
@@ -115,7 +123,7 @@ impl<'a> LitCloth<'a> {
             // The side of the cloth that the sun is on.
             let side = normal.dot(self.rig.toward_sun).signum();
             let from = place + normal * (side * LEAVE);
-            let sun = |sun: [f32; 2]| self.sun_from(from, self.rig.sun_sample(sun));
+            let sun = |sun: [f32; 2]| self.sun_from(from, normal, self.rig.sun_sample(sun));
             let rim = [0.0, 0.25, 0.5, 0.75].map(|turn| sun([1.0, turn]));
             if spread(rim) > EVENLY_LIT {
                 (0..VERTEX_RAYS).map(|ray| sun(suns.at(ray))).sum::<f32>() / VERTEX_RAYS as f32
@@ -208,16 +216,22 @@ impl<'a> LitCloth<'a> {
         // Light that comes through the layer starts behind it.
         let at = self.eye + layer.toward * layer.hit.distance;
         let from = if is_through { at } else { layer.surface.place };
-        self.sun_from(from, toward)
+        self.sun_from(from, layer.surface.normal, toward)
     }
 
-    /// The fraction of the sun's light in a direction that reaches a place of the cloth.
-    fn sun_from(&self, from: Vec3, toward: Vec3) -> f32 {
+    /// The fraction of the sun's light in a direction that reaches a place of the cloth with this
+    /// normal. Where the sun rakes, triangles would block it for the cloth beside them, which is
+    /// round. Cloth that is turned in lies so near that it would do the same.
+    fn sun_from(&self, from: Vec3, normal: Vec3, toward: Vec3) -> f32 {
         let body = self.set.body.as_ref();
         if body.is_some_and(|body| body.blocks(from, toward, [SKIN, f32::INFINITY])) {
             return 0.0;
         }
-        self.cloth.surface.passes(from, toward, LEAVE, |cosine| passed(self.cover, cosine))
+        let rakes = normal.dot(toward).abs() < RAKING;
+        let leave = if rakes { LEAVE.max(self.cloth.side) } else { LEAVE };
+        self.cloth.surface.passes(from, toward, leave, |triangle, cosine| {
+            if self.cloth.is_turned_in(triangle) { 1.0 } else { passed(self.cover, cosine) }
+        })
     }
 
     /// What a layer shows of its cloth.

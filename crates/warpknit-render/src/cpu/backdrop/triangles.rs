@@ -28,6 +28,8 @@ pub(super) struct PictureTriangles {
     starts: Vec<u32>,
     triangles: Vec<u32>,
     planes: Vec<Planes>,
+    /// How much farther than it is each triangle counts, seen from its back, mm.
+    behind: Vec<f32>,
 }
 
 /// A triangle seen from the eye. Its planes are nearly the same where the eye is far away, so they
@@ -42,12 +44,19 @@ struct Planes {
 }
 
 impl PictureTriangles {
-    pub(super) fn new(surface: &Mesh, camera: &Camera, options: &RenderOptions) -> Self {
+    /// The triangles of a surface as a camera sees them. `behind` says how much farther a triangle
+    /// counts than it is, seen from its back, and how much nearer, seen from its front, mm.
+    pub(super) fn new(
+        surface: &Mesh,
+        camera: &Camera,
+        options: &RenderOptions,
+        behind: impl Fn(usize) -> f32,
+    ) -> Self {
         let (places, _) = surface.vertices();
         let eye = camera.eye();
         let pixels: Vec<Option<Vec2>> =
             places.par_iter().map(|place| pixel_of(*place, camera, options)).collect();
-        let planes = surface
+        let planes: Vec<Planes> = surface
             .corners()
             .map(|corners| Planes::new(corners.map(|at| at.as_dvec3() - eye)))
             .collect();
@@ -81,7 +90,8 @@ impl PictureTriangles {
                 *next += 1;
             }
         }
-        Self { side, columns, starts, triangles, planes }
+        let behind = (0..planes.len()).map(behind).collect();
+        Self { side, columns, starts, triangles, planes, behind }
     }
 
     /// The nearest triangle within these distances on a ray from the eye through a place of a
@@ -97,9 +107,12 @@ impl PictureTriangles {
         let toward = toward.as_dvec3();
         let mut nearest: Option<MeshHit> = None;
         for &triangle in &self.triangles[first..end] {
-            let Some((distance, weights)) = self.planes[triangle as usize].hit(toward) else {
+            let planes = &self.planes[triangle as usize];
+            let Some((distance, weights)) = planes.hit(toward) else {
                 continue;
             };
+            let behind = self.behind[triangle as usize];
+            let distance = distance + if planes.is_front(toward) { -behind } else { behind };
             let most = nearest.map_or(most, |hit| hit.distance);
             if distance >= least && distance < most {
                 nearest = Some(MeshHit { distance, triangle: triangle as usize, weights });
@@ -114,6 +127,11 @@ impl Planes {
     fn new([a, b, c]: [DVec3; 3]) -> Self {
         let normal = (b - a).cross(c - a);
         Self { sides: [b.cross(c), c.cross(a), a.cross(b)], normal, offset: normal.dot(a) }
+    }
+
+    /// Whether a ray meets its front, around which its corners run counter-clockwise.
+    fn is_front(&self, toward: DVec3) -> bool {
+        self.normal.dot(toward) < 0.0
     }
 
     /// Distance along a ray from the eye, and the weights of the corners there.
@@ -172,7 +190,7 @@ mod tests {
             let eye = DVec3::from(eye);
             let camera = Camera::look_at(eye, DVec3::ZERO, 0.9, 1.0);
             let options = RenderOptions { width: 40, height: 40, ..RenderOptions::default() };
-            let triangles = PictureTriangles::new(&mesh, &camera, &options);
+            let triangles = PictureTriangles::new(&mesh, &camera, &options, |_| 0.0);
             let [across, up] = options.picture_point(pixel, [0.3, 0.6]);
             let toward = camera.direction(across, up, 1.0).as_vec3();
             let expected = mesh.nearest(eye.as_vec3(), toward);
@@ -201,7 +219,7 @@ mod tests {
         let mesh = mesh(&places).unwrap();
         let camera = Camera::look_at(DVec3::new(3.0, 2.0, 60.0), DVec3::ZERO, 0.4, 1.0);
         let options = RenderOptions { width: 90, height: 90, ..RenderOptions::default() };
-        let triangles = PictureTriangles::new(&mesh, &camera, &options);
+        let triangles = PictureTriangles::new(&mesh, &camera, &options, |_| 0.0);
         for pixel in (0..90).flat_map(|y| (0..90).map(move |x| [x, y])) {
             let [across, up] = options.picture_point(pixel, [0.5, 0.5]);
             let toward = camera.direction(across, up, 1.0).as_vec3();
