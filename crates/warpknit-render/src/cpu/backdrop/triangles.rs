@@ -45,7 +45,7 @@ struct Planes {
 
 impl PictureTriangles {
     /// The triangles of a surface as a camera sees them. `behind` says how much farther a triangle
-    /// counts than it is, seen from its back, and how much nearer, seen from its front, mm.
+    /// counts than it is, seen from its back, mm.
     pub(super) fn new(
         surface: &Mesh,
         camera: &Camera,
@@ -112,7 +112,7 @@ impl PictureTriangles {
                 continue;
             };
             let behind = self.behind[triangle as usize];
-            let distance = distance + if planes.is_front(toward) { -behind } else { behind };
+            let distance = distance + if planes.is_front(toward) { 0.0 } else { behind };
             let most = nearest.map_or(most, |hit| hit.distance);
             if distance >= least && distance < most {
                 nearest = Some(MeshHit { distance, triangle: triangle as usize, weights });
