@@ -227,12 +227,13 @@ fn ray(from: Vec3, toward: Vec3, [least, most]: [f32; 2]) -> Ray {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use proptest::prelude::*;
     use warpknit_core::ids::index32;
 
-    fn mesh(places: &[[f32; 3]]) -> Option<Mesh> {
+    /// Triangles with three corners each.
+    pub(crate) fn soup(places: &[[f32; 3]]) -> Option<Mesh> {
         let positions: Vec<Vec3> = places.iter().copied().map(Vec3::from).collect();
         let triangles: Vec<[u32; 3]> =
             (0..index32(positions.len()) / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
@@ -247,7 +248,7 @@ mod tests {
             from in prop::array::uniform3(-20.0..20.0_f32),
             aim in prop::array::uniform3(-5.0..5.0_f32),
         ) {
-            let Some(mesh) = mesh(&places) else { return Ok(()) };
+            let Some(mesh) = soup(&places) else { return Ok(()) };
             let from = Vec3::from(from);
             let toward = (Vec3::from(aim) - from).normalize_or(Vec3::X);
             let all = ray(from, toward, [0.0, f32::INFINITY]);
@@ -271,6 +272,6 @@ mod tests {
     fn many_copies_of_a_triangle_are_one() {
         let one = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let places: Vec<[f32; 3]> = one.iter().copied().cycle().take(600_000).collect();
-        assert_eq!(mesh(&places).unwrap().triangles.len(), 1);
+        assert_eq!(soup(&places).unwrap().triangles.len(), 1);
     }
 }

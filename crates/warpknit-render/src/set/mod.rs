@@ -20,6 +20,8 @@ use crate::environment::Environment;
 use crate::scene::Bounds;
 pub(crate) use cove::Cove;
 pub use mesh::Mesh;
+#[cfg(test)]
+pub(crate) use mesh::tests::soup;
 pub(crate) use mesh::{MeshHit, MeshSurface};
 
 /// What stands around the cloth.

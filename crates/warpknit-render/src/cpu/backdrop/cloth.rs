@@ -134,8 +134,8 @@ impl<'a> LitCloth<'a> {
         places.par_iter().zip(normals).map(|(place, normal)| at(*place, *normal)).collect()
     }
 
-    /// Whether the corners of each triangle tell the sun's light all over it: where it has sides up
-    /// to `longest` mm, and where the light is much the same at all vertices next to its corners.
+    /// Whether the sun's light on each triangle is interpolated: where it has sides up to `longest`
+    /// mm, and where the light is much the same at all vertices next to its corners.
     fn softly_lit(&self, suns: &[f32], longest: f32) -> Vec<bool> {
         let surface = &self.cloth.surface;
         let (places, _) = surface.vertices();

@@ -168,16 +168,8 @@ fn box_of(corners: [Option<Vec2>; 3], options: &RenderOptions) -> Option<[Vec2; 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::set::soup;
     use proptest::prelude::*;
-
-    /// Triangles with three corners each.
-    fn mesh(places: &[[f32; 3]]) -> Option<Mesh> {
-        let positions: Vec<Vec3> = places.iter().copied().map(Vec3::from).collect();
-        let corners = 0..u32::try_from(positions.len() / 3).unwrap();
-        let triangles: Vec<[u32; 3]> = corners.map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        let normals = vec![Vec3::Z; positions.len()];
-        Mesh::new(positions, normals, &triangles)
-    }
 
     proptest! {
         #[test]
@@ -186,7 +178,7 @@ mod tests {
             eye in prop::array::uniform3(-25.0..25.0_f64),
             pixel in prop::array::uniform2(0..40_u32),
         ) {
-            let Some(mesh) = mesh(&places) else { return Ok(()) };
+            let Some(mesh) = soup(&places) else { return Ok(()) };
             let eye = DVec3::from(eye);
             let camera = Camera::look_at(eye, DVec3::ZERO, 0.9, 1.0);
             let options = RenderOptions { width: 40, height: 40, ..RenderOptions::default() };
@@ -200,7 +192,8 @@ mod tests {
             if expected.iter().chain(&found).all(is_clear) {
                 let distance = |hit: Option<MeshHit>| hit.map_or(f32::INFINITY, |hit| hit.distance);
                 let (expected, found) = (distance(expected), distance(found));
-                prop_assert!(found == expected || (found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
+                let is_near = found == expected || (found / expected - 1.0).abs() < 1e-3;
+                prop_assert!(is_near, "{found} {expected}");
             }
         }
     }
@@ -216,7 +209,7 @@ mod tests {
             let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, y)| place(i + x, j + y));
             places.extend([a, b, c, a, c, d]);
         }
-        let mesh = mesh(&places).unwrap();
+        let mesh = soup(&places).unwrap();
         let camera = Camera::look_at(DVec3::new(3.0, 2.0, 60.0), DVec3::ZERO, 0.4, 1.0);
         let options = RenderOptions { width: 90, height: 90, ..RenderOptions::default() };
         let triangles = PictureTriangles::new(&mesh, &camera, &options, |_| 0.0);

@@ -18,8 +18,7 @@ use crate::cpu::share;
 use crate::light::Rig;
 use warpknit_core::ids::index32;
 
-/// Rays for each direction to the eye. With half as many, some cloth is two percent too
-/// dark.
+/// Rays for each direction to the eye. With half as many, some cloth is two percent too dark.
 const RAYS: u32 = 512;
 
 /// The places of a cloth that a distant eye sees.
