@@ -6,9 +6,9 @@
 //! [`environment`] (both from a picture of everything around), [`shade`] (reflection of a surface),
 //! [`sheen`] (specular reflection of fibres), [`ply`] (procedural plies and fibres), [`maps`]
 //! (textures of yarns), `paths` (curves as polylines) and [`tone`] (from light to pixels). [`cpu`]
-//! traces rays, or splats distant yarns; only it knows bounding volume hierarchies. [`gpu`]
-//! rasterises triangles; only it names wgpu. [`painter`] chooses between the two. [`fabric_maps`]
-//! draws one repeat of a fabric without light, for renderers of surfaces.
+//! traces rays through the trees of `bvh`, or splats distant yarns. [`gpu`] rasterises triangles;
+//! only it names wgpu. [`painter`] chooses between the two. [`fabric_maps`] draws one repeat of a
+//! fabric without light, for renderers of surfaces.
 //!
 //! ```
 //! use warpknit_render::{Camera, RenderOptions, View, render};
@@ -25,6 +25,7 @@
 //! ```
 
 pub mod averaged;
+mod bvh;
 pub mod camera;
 pub mod cloth;
 pub mod cpu;

@@ -1,24 +1,18 @@
 //! Triangles that rays are tested against.
 //!
-//! In: vertices with normals, and triangles. Out: [`Mesh`]. The tree is that of the crate `obvhs`:
-//! eight-wide nodes with compressed boxes (Ylitie, Karras and Laine 2017, 'Efficient incoherent ray
-//! traversal on GPUs through compressed wide BVHs'). Triangles are tested by Möller and Trumbore
-//! (1997). A hundred thousand triangles take about 0.1 s to build, and 50 MB while they are built.
+//! In: vertices with normals, and triangles. Out: [`Mesh`], with a tree of leaves of eight triangles
+//! (`bvh`).
 //!
 //! Not promised: that no ray passes along the edge between two triangles.
 
 use std::collections::HashSet;
-use std::time::Duration;
 
-use glam::{Vec3, Vec3A};
-use obvhs::BvhBuildParams;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh_from_tris;
-use obvhs::ray::{Ray, RayHit};
-use obvhs::triangle::Triangle;
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::SKIN;
+use crate::bvh::tree::{Ray, ShapeHit, Tree, Waiting};
+use crate::bvh::triangles::{self, TriangleLeaf, Triangles};
 use crate::scene::Bounds;
 
 /// Cosine between ray and triangle from which on yarns are no deeper in its skin along the ray.
@@ -30,13 +24,14 @@ const DARK: f32 = 0.01;
 /// A surface of triangles, mm.
 #[derive(Debug)]
 pub struct Mesh {
-    triangles: Vec<Triangle>,
     /// The corners of each triangle.
     corners: Vec<[u32; 3]>,
+    /// Unit normals of the triangles.
+    faces: Vec<Vec3>,
     positions: Vec<Vec3>,
     /// Unit normals of the vertices.
     normals: Vec<Vec3>,
-    tree: CwBvh,
+    tree: Tree<TriangleLeaf>,
     bounds: Bounds,
 }
 
@@ -71,7 +66,7 @@ impl Mesh {
     #[must_use]
     pub fn new(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: &[[u32; 3]]) -> Option<Self> {
         let mut known = HashSet::new();
-        let corner = |vertex: u32| Vec3A::from(positions[vertex as usize]);
+        let corner = |vertex: u32| positions[vertex as usize];
         let is_surface = |corners: &[u32; 3]| {
             let [a, b, c] = corners.map(corner);
             (b - a).cross(c - a).length_squared() > 0.0
@@ -84,18 +79,12 @@ impl Mesh {
         };
         let corners: Vec<[u32; 3]> =
             triangles.iter().copied().filter(is_surface).filter(is_first).collect();
-        let triangles: Vec<Triangle> = (corners.iter())
-            .map(|corners| {
-                let [v0, v1, v2] = corners.map(corner);
-                Triangle { v0, v1, v2 }
-            })
-            .collect();
-        let used: Vec<Vec3> =
-            corners.iter().flatten().map(|&vertex| positions[vertex as usize]).collect();
-        let bounds = Bounds::around(&used)?;
-        let mut time = Duration::ZERO;
-        let tree = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut time);
-        Some(Self { triangles, corners, positions, normals, tree, bounds })
+        let triangles: Vec<[Vec3; 3]> = corners.iter().map(|corners| corners.map(corner)).collect();
+        let bounds = Bounds::around(triangles.as_flattened())?;
+        let face = |[a, b, c]: &[Vec3; 3]| (*b - *a).cross(*c - *a).normalize_or_zero();
+        let faces = triangles.iter().map(face).collect();
+        let tree = triangles::tree(&triangles);
+        Some(Self { corners, faces, positions, normals, tree, bounds })
     }
 
     /// The box around it.
@@ -116,18 +105,17 @@ impl Mesh {
 
     /// The corners' places of each triangle.
     pub(crate) fn corners(&self) -> impl ParallelIterator<Item = [Vec3; 3]> {
-        self.corners.par_iter().map(|corners| corners.map(|vertex| self.positions[vertex as usize]))
+        (0..self.corners.len()).into_par_iter().map(|triangle| self.places(triangle))
     }
 
     /// The nearest triangle along a ray from `from` in the unit direction `toward`.
     pub(crate) fn nearest(&self, from: Vec3, toward: Vec3) -> Option<MeshHit> {
-        let (ray, mut hit) = (ray(from, toward, [0.0, f32::INFINITY]), RayHit::none());
-        if !self.tree.ray_traverse(ray, &mut hit, |ray, slot| self.of(slot).intersect(ray)) {
-            return None;
-        }
-        let triangle = self.tree.primitive_indices[hit.primitive_id as usize] as usize;
-        let weights = barycentric(&self.triangles[triangle], from + toward * hit.t);
-        Some(MeshHit { distance: hit.t, triangle, weights })
+        let ray = Ray { origin: from, direction: toward, reach: f32::INFINITY };
+        let shapes = Triangles { least: 0.0 };
+        let ShapeHit { shape, distance } = self.tree.nearest(&ray, &shapes, &mut Waiting::new())?;
+        let triangle = shape as usize;
+        let weights = barycentric(self.places(triangle), from + toward * distance);
+        Some(MeshHit { distance, triangle, weights })
     }
 
     /// The surface at a hit of a ray from `from` in the unit direction `toward`.
@@ -136,7 +124,7 @@ impl Mesh {
     /// place above the triangle, on planes across the normals of its corners (Hanika 2021, 'Hacking
     /// the shadow terminator').
     pub(crate) fn surface(&self, hit: &MeshHit, from: Vec3, toward: Vec3) -> MeshSurface {
-        let face: Vec3 = self.triangles[hit.triangle].compute_normal().into();
+        let face = self.faces[hit.triangle];
         let face = if face.dot(toward) > 0.0 { -face } else { face };
         let outward = |vertex: usize| {
             let normal = self.normals[vertex];
@@ -156,8 +144,7 @@ impl Mesh {
     /// Whether a ray in this direction meets a triangle's front, around which its corners run
     /// counter-clockwise.
     pub(crate) fn is_front(&self, hit: &MeshHit, toward: Vec3) -> bool {
-        let [a, b, c] = self.corners[hit.triangle].map(|vertex| self.positions[vertex as usize]);
-        (b - a).cross(c - a).dot(toward) < 0.0
+        self.faces[hit.triangle].dot(toward) < 0.0
     }
 
     /// Distance along a ray up to which yarns before the mesh, or in its skin, are seen. `None`
@@ -168,14 +155,19 @@ impl Mesh {
 
     /// The same for a hit of the ray.
     pub(crate) fn skin_reach(&self, hit: &MeshHit, toward: Vec3) -> f32 {
-        let normal: Vec3 = self.triangles[hit.triangle].compute_normal().into();
-        hit.distance + SKIN / normal.dot(toward).abs().max(FLATTEST)
+        hit.distance + SKIN / self.faces[hit.triangle].dot(toward).abs().max(FLATTEST)
     }
 
     /// Whether any triangle lies within these distances along a ray.
     pub(crate) fn blocks(&self, from: Vec3, toward: Vec3, within: [f32; 2]) -> bool {
-        let ray = ray(from, toward, within);
-        !self.tree.ray_traverse_miss(ray, |ray, slot| self.of(slot).intersect(ray))
+        let [least, reach] = within;
+        let ray = Ray { origin: from, direction: toward, reach };
+        let mut is_clear = true;
+        self.tree.visit(&ray, &Triangles { least }, &mut Waiting::new(), |_| {
+            is_clear = false;
+            false
+        });
+        !is_clear
     }
 
     /// The fraction of light along a ray that passes all triangles beyond a distance. `passed` is
@@ -188,16 +180,12 @@ impl Mesh {
         least: f32,
         passed: impl Fn(usize, f32) -> f32,
     ) -> f32 {
-        let ray = ray(from, toward, [least, f32::INFINITY]);
+        let ray = Ray { origin: from, direction: toward, reach: f32::INFINITY };
         let mut light = 1.0;
-        self.tree.ray_traverse_miss(ray, |ray, slot| {
-            let triangle = self.of(slot);
-            if triangle.intersect(ray).is_finite() {
-                let number = self.tree.primitive_indices[slot] as usize;
-                light *= passed(number, triangle.compute_normal().dot(ray.direction).abs());
-            }
-            // A distance ends the search.
-            if light < DARK { 0.0 } else { f32::INFINITY }
+        self.tree.visit(&ray, &Triangles { least }, &mut Waiting::new(), |triangle| {
+            let triangle = triangle as usize;
+            light *= passed(triangle, self.faces[triangle].dot(toward).abs());
+            light >= DARK
         });
         light
     }
@@ -208,22 +196,19 @@ impl Mesh {
         corners.map(|(vertex, weight)| of(*vertex as usize) * weight).sum()
     }
 
-    fn of(&self, slot: usize) -> &Triangle {
-        &self.triangles[self.tree.primitive_indices[slot] as usize]
+    /// The corners' places of a triangle.
+    fn places(&self, triangle: usize) -> [Vec3; 3] {
+        self.corners[triangle].map(|vertex| self.positions[vertex as usize])
     }
 }
 
 /// Weights of a triangle's corners at a place in its plane.
-fn barycentric(triangle: &Triangle, place: Vec3) -> [f32; 3] {
-    let (one, other) = (triangle.v1 - triangle.v0, triangle.v2 - triangle.v0);
-    let (normal, from) = (one.cross(other), Vec3A::from(place) - triangle.v0);
+fn barycentric([a, b, c]: [Vec3; 3], place: Vec3) -> [f32; 3] {
+    let (one, other) = (b - a, c - a);
+    let (normal, from) = (one.cross(other), place - a);
     let scale = normal.length_squared().recip();
     let (u, v) = (from.cross(other).dot(normal) * scale, one.cross(from).dot(normal) * scale);
     [1.0 - u - v, u, v]
-}
-
-fn ray(from: Vec3, toward: Vec3, [least, most]: [f32; 2]) -> Ray {
-    Ray::new(from.into(), toward.into(), least, most)
 }
 
 #[cfg(test)]
@@ -251,9 +236,13 @@ pub(super) mod tests {
             let Some(mesh) = soup(&places) else { return Ok(()) };
             let from = Vec3::from(from);
             let toward = (Vec3::from(aim) - from).normalize_or(Vec3::X);
-            let all = ray(from, toward, [0.0, f32::INFINITY]);
+            let ray = Ray { origin: from, direction: toward, reach: f32::INFINITY };
+            let alone = |triangle: usize| {
+                let tree = triangles::tree(&[mesh.places(triangle)]);
+                tree.nearest(&ray, &Triangles { least: 0.0 }, &mut Waiting::new())
+            };
             let distances: Vec<f32> =
-                mesh.triangles.iter().map(|one| one.intersect(&all)).filter(|t| t.is_finite()).collect();
+                (0..mesh.corners.len()).filter_map(alone).map(|hit| hit.distance).collect();
             let nearest = distances.iter().copied().fold(f32::INFINITY, f32::min);
             let hit = mesh.nearest(from, toward);
             prop_assert_eq!(hit.map_or(f32::INFINITY, |hit| hit.distance), nearest);
@@ -272,6 +261,6 @@ pub(super) mod tests {
     fn many_copies_of_a_triangle_are_one() {
         let one = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let places: Vec<[f32; 3]> = one.iter().copied().cycle().take(600_000).collect();
-        assert_eq!(soup(&places).unwrap().triangles.len(), 1);
+        assert_eq!(soup(&places).unwrap().corners.len(), 1);
     }
 }

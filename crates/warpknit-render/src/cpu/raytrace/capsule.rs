@@ -10,9 +10,10 @@
 //! quadratic of such a ray would cancel all digits of the radius. So the ray's origin is first
 //! moved beside the capsule. Rays that start inside a capsule do not meet it.
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 
-use super::lanes::{Eight, LANES, Lanes, Lanes3};
+use crate::bvh::lanes::{Eight, LANES, LaneRay, Lanes, Lanes3};
+use crate::bvh::tree;
 use warpknit_core::ids::index32;
 
 /// Up to eight consecutive segments of one yarn.
@@ -28,22 +29,10 @@ pub(super) struct Leaf {
     used: u32,
 }
 
-/// A ray, each of its numbers eight times.
-#[derive(Clone, Copy)]
-pub(super) struct LaneRay<S> {
-    pub(super) simd: S,
-    pub(super) origin: Lanes3<S>,
-    pub(super) direction: Lanes3<S>,
-}
-
-impl<S: Eight> LaneRay<S> {
+impl tree::Leaf for Leaf {
     #[inline(always)]
-    pub(super) fn new(simd: S, origin: Vec3, direction: Vec3) -> Self {
-        Self {
-            simd,
-            origin: Lanes3::all(simd, origin.to_array()),
-            direction: Lanes3::all(simd, direction.to_array()),
-        }
+    fn shape(&self, lane: usize) -> u32 {
+        self.first + index32(lane)
     }
 }
 
@@ -183,8 +172,8 @@ fn ball<S: Eight>(simd: S, origin: Lanes3<S>, direction: Lanes3<S>, radius2: Lan
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::raytrace::lanes::{Instructions, Kernel};
-    use glam::DVec3;
+    use crate::bvh::lanes::{Instructions, Kernel};
+    use glam::{DVec3, Vec3};
     use proptest::prelude::*;
 
     struct One<'a>(&'a Leaf, Vec3, Vec3);

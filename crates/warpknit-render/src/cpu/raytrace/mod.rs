@@ -8,17 +8,14 @@
 //!
 //! Not computed: further bounces of light, and light transmitted through fibres.
 
-mod build;
 mod capsule;
 pub(crate) mod endless;
 pub(super) mod facets;
-mod lanes;
 mod ray;
 pub(super) mod rays;
 mod segments;
 mod strip;
 mod trace;
-mod tree;
 
 use std::f32::consts::TAU;
 
@@ -30,6 +27,7 @@ use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, te
 use super::sample::{SampleDimension, Sampler};
 use super::splat::fit::LightSample;
 use super::{is_thin, share, to_f32};
+use crate::bvh::tree::Waiting;
 use crate::light::{Rig, SKY_REACH_RADII};
 use crate::ply::{self, YarnPoint};
 use crate::scene::{Bounds, Scene, Shape, YarnLook};
@@ -40,7 +38,6 @@ use crate::{Camera, RenderOptions};
 use ray::{CameraRays, Hit, SceneRay};
 use segments::Segments;
 use trace::SegmentBvh;
-use tree::Waiting;
 
 /// Offset of secondary rays' origins above the surface, radii. Too small an offset lets a ray hit
 /// its own surface by rounding ('shadow acne'). Too large a one leaks light at contacts between

@@ -6,7 +6,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::build::Box3;
+use crate::bvh::build::Box3;
+use crate::bvh::tree::Ray;
 use crate::cpu::to_f32;
 use crate::{Camera, RenderOptions};
 
@@ -34,6 +35,11 @@ pub(super) struct Hit {
 }
 
 impl SceneRay {
+    /// The ray without what only pictures need.
+    pub(super) fn line(&self) -> Ray {
+        Ray { origin: self.origin, direction: self.direction, reach: self.reach }
+    }
+
     /// The point at a distance along the ray.
     pub(super) fn at(&self, distance: f32) -> Vec3 {
         self.origin + self.direction * distance

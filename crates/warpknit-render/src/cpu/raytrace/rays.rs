@@ -9,7 +9,7 @@ use glam::{DVec3, Vec4};
 use super::ray::SceneRay;
 use super::segments::Segments;
 use super::trace::SegmentBvh;
-use super::tree::Waiting;
+use crate::bvh::tree::Waiting;
 use crate::scene::Scene;
 use crate::{Camera, RenderOptions};
 

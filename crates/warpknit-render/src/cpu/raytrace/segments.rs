@@ -9,9 +9,9 @@
 use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
-use super::build::Box3;
 use super::ray::{Hit, SceneRay};
 use super::strip::RibbonEdges;
+use crate::bvh::build::Box3;
 use crate::cpu::lit::ShadingPoint;
 use crate::cpu::sample::unit;
 use crate::maps::{Filter, Maps};

@@ -18,8 +18,7 @@
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
-use super::capsule::LaneRay;
-use super::lanes::{Eight, LANES, Lanes, Lanes3};
+use crate::bvh::lanes::{Eight, LANES, LaneRay, Lanes, Lanes3};
 use crate::paths::YarnPaths;
 
 /// Both ends of ribbons' widths, at all points of yarns. An array for each coordinate, so that lanes
@@ -192,7 +191,7 @@ impl<S: Eight> Triangle<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::raytrace::lanes::{Instructions, Kernel};
+    use crate::bvh::lanes::{Instructions, Kernel};
 
     /// The edges of a ribbon, and a ray at it.
     struct Ray<'a>(&'a RibbonEdges, Vec3, Vec3);

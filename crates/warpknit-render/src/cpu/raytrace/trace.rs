@@ -3,33 +3,32 @@
 //! In: [`Segments`]. Out: the nearest segment along a ray, or any segment that occludes it, by way of
 //! the tree in `tree`. Lanes test capsules and strips. What a strip's texture lets through is
 //! decided strip by strip.
-//!
-//! The tree is our own. The crate `obvhs`, which location uses for triangles, compresses the boxes of
-//! wide nodes to bytes and leaves the leaves to its caller. Yarns gain more from leaves of eight
-//! segments that lanes test together. There are then few nodes, which need no compression.
-//! Traced pictures take 0.6 to 0.7 of the time that they took with obvhs.
 
 use std::cell::Cell;
 
 use glam::Vec4;
 use rayon::prelude::*;
 
-use super::build::Box3;
-use super::capsule::{LaneRay, Leaf};
-use super::lanes::{Eight, Kernel, LANES, Lanes};
+use super::capsule::Leaf;
 use super::ray::{Hit, SceneRay};
 use super::segments::Segments;
 use super::strip::{Across, RibbonEdges};
-use super::tree::{Shapes, Tree, Waiting};
+use crate::bvh::build::Box3;
+use crate::bvh::lanes::{Eight, Kernel, LANES, LaneRay, Lanes};
+use crate::bvh::tree::{ShapeHit, Shapes, Tree, Waiting};
 use crate::maps::{Filter, Maps};
 use crate::scene::Shape;
 use warpknit_core::ids::index32;
 
-/// The hierarchy over all segments.
+/// A number that is no segment's, nor that of a neighbour.
+const NO_SEGMENT: u32 = u32::MAX / 2;
+
+/// The hierarchy over all segments. It takes 20 bytes a segment in full leaves, and for ribbons 24
+/// bytes a point.
 #[derive(Debug)]
 pub(super) struct SegmentBvh<'a> {
     pub(super) segments: Segments<'a>,
-    tree: Tree,
+    tree: Tree<Leaf>,
 }
 
 impl<'a> SegmentBvh<'a> {
@@ -63,31 +62,39 @@ impl<'a> SegmentBvh<'a> {
 
 impl Segments<'_> {
     /// The nearest of those segments that a tree holds.
-    fn nearest_in(&self, tree: &Tree, ray: &SceneRay, waiting: &mut Waiting) -> Option<Hit> {
-        match self.scene.shape {
-            Shape::Tube => tree.nearest(ray, &Capsules, waiting),
-            Shape::Ribbon => tree.nearest(ray, &self.strips(ray), waiting),
-        }
+    fn nearest_in(&self, tree: &Tree<Leaf>, ray: &SceneRay, waiting: &mut Waiting) -> Option<Hit> {
+        let hit = match self.scene.shape {
+            Shape::Tube => tree.nearest(&ray.line(), &Capsules { own: NO_SEGMENT }, waiting),
+            Shape::Ribbon => tree.nearest(&ray.line(), &self.strips(ray, NO_SEGMENT), waiting),
+        };
+        hit.map(|ShapeHit { shape, distance }| Hit { start: shape, distance })
     }
 
     /// Any of them that blocks the ray, as of [`SegmentBvh::occluder`].
     fn occluder_in(
         &self,
-        tree: &Tree,
+        tree: &Tree<Leaf>,
         ray: &SceneRay,
         own: u32,
         waiting: &mut Waiting,
     ) -> Option<u32> {
+        let mut occluder = None;
+        let first = |start: u32| {
+            occluder = Some(start);
+            false
+        };
         match self.scene.shape {
-            Shape::Tube => tree.occluder(ray, own, &Capsules, waiting),
-            Shape::Ribbon => tree.occluder(ray, own, &self.strips(ray), waiting),
+            Shape::Tube => tree.visit(&ray.line(), &Capsules { own }, waiting, first),
+            Shape::Ribbon => tree.visit(&ray.line(), &self.strips(ray, own), waiting, first),
         }
+        occluder
     }
 
-    fn strips<'r>(&'r self, ray: &'r SceneRay) -> Strips<'r> {
+    fn strips<'r>(&'r self, ray: &'r SceneRay, own: u32) -> Strips<'r> {
         Strips {
             segments: self,
             ray,
+            own,
             across: Across::new(ray.direction),
             last_filter: Cell::new(None),
         }
@@ -95,19 +102,23 @@ impl Segments<'_> {
 }
 
 /// Tubes: capsules, tested in lanes.
-struct Capsules;
+struct Capsules {
+    /// The segment that does not count, with its two neighbours.
+    own: u32,
+}
 
 impl Shapes for Capsules {
+    type Leaf = Leaf;
+
     #[inline(always)]
     fn distances<S: Eight>(
         &self,
         leaf: &Leaf,
-        among: u32,
         ray: &LaneRay<S>,
         limit: f32,
     ) -> (u32, [f32; LANES]) {
         let (near, beside) = leaf.near(ray);
-        let near = near & among;
+        let near = near & leaf.others(self.own);
         if near == 0 {
             return (0, [0.0; LANES]);
         }
@@ -121,22 +132,25 @@ impl Shapes for Capsules {
 struct Strips<'a> {
     segments: &'a Segments<'a>,
     ray: &'a SceneRay,
+    /// As of capsules.
+    own: u32,
     across: Across,
     /// The ray's lookups in the texture of the look that it met last.
     last_filter: Cell<Option<(u16, Filter)>>,
 }
 
 impl Shapes for Strips<'_> {
+    type Leaf = Leaf;
+
     #[inline(always)]
     fn distances<S: Eight>(
         &self,
         leaf: &Leaf,
-        among: u32,
         ray: &LaneRay<S>,
         limit: f32,
     ) -> (u32, [f32; LANES]) {
         let (near, _) = leaf.near(ray);
-        let near = near & among;
+        let near = near & leaf.others(self.own);
         if near == 0 {
             return (0, [0.0; LANES]);
         }
@@ -260,7 +274,7 @@ fn leaf_box(segments: &Segments, cut: &Cut) -> Box3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::raytrace::tree::Waiting;
+    use crate::bvh::tree::Waiting;
     use crate::scene::{Scene, YarnLook};
     use crate::{Camera, RenderOptions, View};
     use glam::Vec3;
@@ -282,13 +296,13 @@ mod tests {
     }
 
     /// A tree whose only leaf is this one, which finds what is in it without looking at boxes.
-    fn alone(bvh: &SegmentBvh<'_>, cut: &Cut) -> Tree {
+    fn alone(bvh: &SegmentBvh<'_>, cut: &Cut) -> Tree<Leaf> {
         let everywhere = Box3::of_point(glam::Vec3A::ZERO).grown(glam::Vec3A::splat(1e9));
         Tree::new(vec![leaf(&bvh.segments, cut)], &[everywhere])
     }
 
     /// The nearest hit, from all leaves in turn.
-    fn by_all(segments: &Segments<'_>, trees: &[Tree], ray: &SceneRay) -> Option<Hit> {
+    fn by_all(segments: &Segments<'_>, trees: &[Tree<Leaf>], ray: &SceneRay) -> Option<Hit> {
         trees
             .iter()
             .filter_map(|tree| segments.nearest_in(tree, ray, &mut Waiting::new()))
@@ -315,7 +329,7 @@ mod tests {
         ) {
             let scene = scene(shape, &strands);
             let bvh = bvh(&scene);
-            let trees: Vec<Tree> =
+            let trees: Vec<Tree<Leaf>> =
                 cuts(&bvh.segments.paths.points).iter().map(|cut| alone(&bvh, cut)).collect();
             let mut waiting = Waiting::new();
             for (origin, aim, reach) in rays {
@@ -327,7 +341,7 @@ mod tests {
                 prop_assert_eq!(hit.is_some(), unowned.is_some());
                 for own in [0, 3] {
                     let occluder = bvh.occluder(&ray, own, &mut waiting);
-                    let blocks = |tree: &Tree| {
+                    let blocks = |tree: &Tree<Leaf>| {
                         bvh.segments.occluder_in(tree, &ray, own, &mut Waiting::new()).is_some()
                     };
                     prop_assert_eq!(occluder.is_some(), trees.iter().any(blocks));

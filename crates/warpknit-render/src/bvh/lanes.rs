@@ -11,13 +11,14 @@
 use std::ops::{Add, Div, Mul, Sub};
 
 use bytemuck::cast;
+use glam::Vec3;
 use pulp::{Scalar256b, Simd, f32x8, m32x8};
 
 /// Lanes of a register.
-pub(super) const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// Instructions on eight lanes.
-pub(super) trait Eight: Simd<f32s = f32x8, m32s = m32x8> {
+pub(crate) trait Eight: Simd<f32s = f32x8, m32s = m32x8> {
     /// The mask as bits, the first lane in the lowest.
     fn bits(self, mask: m32x8) -> u32;
 }
@@ -40,21 +41,21 @@ impl Eight for pulp::x86::V3 {
 
 /// Code that is compiled once for each set of instructions. All that it calls on lanes must be
 /// `#[inline(always)]`, or it is compiled without them.
-pub(super) trait Kernel {
+pub(crate) trait Kernel {
     type Output;
     fn run<S: Eight>(self, simd: S) -> Self::Output;
 }
 
 /// The instructions that this processor has.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Instructions {
+pub(crate) struct Instructions {
     #[cfg(target_arch = "x86_64")]
     avx2: Option<pulp::x86::V3>,
 }
 
 impl Instructions {
     /// The best that the processor has.
-    pub(super) fn best() -> Self {
+    pub(crate) fn best() -> Self {
         Self {
             #[cfg(target_arch = "x86_64")]
             avx2: pulp::x86::V3::try_new(),
@@ -63,7 +64,7 @@ impl Instructions {
 
     /// Those that every processor of the target has.
     #[cfg(test)]
-    pub(super) fn plain() -> Self {
+    pub(crate) fn plain() -> Self {
         Self {
             #[cfg(target_arch = "x86_64")]
             avx2: None,
@@ -72,7 +73,7 @@ impl Instructions {
 
     /// Runs a kernel with these instructions.
     #[inline]
-    pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = self.avx2 {
             return avx2.vectorize(WithAvx2 { avx2, kernel });
@@ -99,58 +100,58 @@ impl<K: Kernel> pulp::NullaryFnOnce for WithAvx2<K> {
 
 /// Eight numbers.
 #[derive(Clone, Copy)]
-pub(super) struct Lanes<S> {
+pub(crate) struct Lanes<S> {
     simd: S,
     value: f32x8,
 }
 
 impl<S: Eight> Lanes<S> {
     #[inline(always)]
-    pub(super) fn new(simd: S, value: [f32; LANES]) -> Self {
+    pub(crate) fn new(simd: S, value: [f32; LANES]) -> Self {
         Self { simd, value: cast(value) }
     }
 
     /// The same number eight times.
     #[inline(always)]
-    pub(super) fn all(simd: S, value: f32) -> Self {
+    pub(crate) fn all(simd: S, value: f32) -> Self {
         Self { simd, value: simd.splat_f32s(value) }
     }
 
     #[inline(always)]
-    pub(super) fn array(self) -> [f32; LANES] {
+    pub(crate) fn array(self) -> [f32; LANES] {
         cast(self.value)
     }
 
     /// The smaller of two numbers, neither of which may be NaN.
     #[inline(always)]
-    pub(super) fn min(self, other: Self) -> Self {
+    pub(crate) fn min(self, other: Self) -> Self {
         Self { value: self.simd.min_f32s(self.value, other.value), ..self }
     }
 
     /// The larger of two numbers, neither of which may be NaN.
     #[inline(always)]
-    pub(super) fn max(self, other: Self) -> Self {
+    pub(crate) fn max(self, other: Self) -> Self {
         Self { value: self.simd.max_f32s(self.value, other.value), ..self }
     }
 
     #[inline(always)]
-    pub(super) fn sqrt(self) -> Self {
+    pub(crate) fn sqrt(self) -> Self {
         Self { value: self.simd.sqrt_f32s(self.value), ..self }
     }
 
     #[inline(always)]
-    pub(super) fn at_most(self, other: Self) -> m32x8 {
+    pub(crate) fn at_most(self, other: Self) -> m32x8 {
         self.simd.less_than_or_equal_f32s(self.value, other.value)
     }
 
     #[inline(always)]
-    pub(super) fn less_than(self, other: Self) -> m32x8 {
+    pub(crate) fn less_than(self, other: Self) -> m32x8 {
         self.simd.less_than_f32s(self.value, other.value)
     }
 
     /// This number where the mask is set, else the other one.
     #[inline(always)]
-    pub(super) fn where_set(self, mask: m32x8, other: Self) -> Self {
+    pub(crate) fn where_set(self, mask: m32x8, other: Self) -> Self {
         Self { value: self.simd.select_f32s(mask, self.value, other.value), ..self }
     }
 }
@@ -175,26 +176,26 @@ operator!(Div, div, div_f32s);
 
 /// Eight points or directions.
 #[derive(Clone, Copy)]
-pub(super) struct Lanes3<S> {
-    pub(super) x: Lanes<S>,
-    pub(super) y: Lanes<S>,
-    pub(super) z: Lanes<S>,
+pub(crate) struct Lanes3<S> {
+    pub(crate) x: Lanes<S>,
+    pub(crate) y: Lanes<S>,
+    pub(crate) z: Lanes<S>,
 }
 
 impl<S: Eight> Lanes3<S> {
     /// The same vector eight times.
     #[inline(always)]
-    pub(super) fn all(simd: S, [x, y, z]: [f32; 3]) -> Self {
+    pub(crate) fn all(simd: S, [x, y, z]: [f32; 3]) -> Self {
         Self { x: Lanes::all(simd, x), y: Lanes::all(simd, y), z: Lanes::all(simd, z) }
     }
 
     #[inline(always)]
-    pub(super) fn dot(self, other: Self) -> Lanes<S> {
+    pub(crate) fn dot(self, other: Self) -> Lanes<S> {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
     #[inline(always)]
-    pub(super) fn cross(self, other: Self) -> Self {
+    pub(crate) fn cross(self, other: Self) -> Self {
         Self {
             x: self.y * other.z - self.z * other.y,
             y: self.z * other.x - self.x * other.z,
@@ -204,7 +205,7 @@ impl<S: Eight> Lanes3<S> {
 
     /// This vector where the mask is set, else the other one.
     #[inline(always)]
-    pub(super) fn where_set(self, mask: m32x8, other: Self) -> Self {
+    pub(crate) fn where_set(self, mask: m32x8, other: Self) -> Self {
         Self {
             x: self.x.where_set(mask, other.x),
             y: self.y.where_set(mask, other.y),
@@ -237,5 +238,24 @@ impl<S: Eight> Mul<Lanes<S>> for Lanes3<S> {
     #[inline(always)]
     fn mul(self, factor: Lanes<S>) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+}
+
+/// A ray, each of its numbers eight times.
+#[derive(Clone, Copy)]
+pub(crate) struct LaneRay<S> {
+    pub(crate) simd: S,
+    pub(crate) origin: Lanes3<S>,
+    pub(crate) direction: Lanes3<S>,
+}
+
+impl<S: Eight> LaneRay<S> {
+    #[inline(always)]
+    pub(crate) fn new(simd: S, origin: Vec3, direction: Vec3) -> Self {
+        Self {
+            simd,
+            origin: Lanes3::all(simd, origin.to_array()),
+            direction: Lanes3::all(simd, direction.to_array()),
+        }
     }
 }

@@ -1,12 +1,12 @@
-//! Building of the hierarchy: leaves that follow the yarns, then nodes from the top down.
+//! Building of the hierarchy from the top down.
 //!
-//! In: the leaves' boxes. Out: [`Node`]s with up to eight children each, and the order of the leaves
-//! in them. A node is split in two along the plane of least cost by the surface area heuristic with
+//! In: the boxes of items, which are leaves, or shapes to be put into leaves. Out: [`Node`]s with up
+//! to eight children each, and the order of the items in them. A node is split in two along the plane of least cost by the surface area heuristic with
 //! bins (Wald 2007, 'On fast construction of SAH-based bounding volume hierarchies'), then the
 //! largest part again, until there are eight.
 //!
-//! Large parts are built in parallel. Each part depends on its own leaves alone, so the nodes are
-//! the same for any number of threads. Cost: n log n for n leaves.
+//! Large parts are built in parallel. Each part depends on its own items alone, so the nodes are
+//! the same for any number of threads. Cost: n log n for n items.
 
 use glam::Vec3A;
 use rayon::prelude::*;
@@ -14,46 +14,46 @@ use rayon::prelude::*;
 use super::lanes::LANES;
 use warpknit_core::ids::index32;
 
-/// Marks a child that is a leaf; the other bits are its place in the order.
-pub(super) const LEAF: u32 = 1 << 31;
+/// Marks a child that is a leaf; the other bits are the place of its first item in the order.
+pub(crate) const LEAF: u32 = 1 << 31;
 /// Bins along each axis. More find better planes and take longer. Other numbers were not measured.
 const BINS: usize = 16;
-/// Parts of at least as many leaves are built as tasks of their own.
-const LEAVES_PER_TASK: usize = 4096;
+/// Parts of at least as many items are built as tasks of their own.
+const ITEMS_PER_TASK: usize = 4096;
 /// Levels after which parts are halved by number, so that none is deeper than [`MAX_DEPTH`].
 const LEVELS_BY_COST: u32 = 12;
 /// Most levels: those by cost, and the eight-fold divisions that 2^31 leaves need.
 const MAX_DEPTH: usize = LEVELS_BY_COST as usize + 11;
 /// Most nodes and leaves that wait while one is visited: seven siblings a level.
-pub(super) const MAX_WAITING: usize = MAX_DEPTH * (LANES - 1) + 1;
+pub(crate) const MAX_WAITING: usize = MAX_DEPTH * (LANES - 1) + 1;
 
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Box3 {
-    pub(super) min: Vec3A,
-    pub(super) max: Vec3A,
+pub(crate) struct Box3 {
+    pub(crate) min: Vec3A,
+    pub(crate) max: Vec3A,
 }
 
 impl Box3 {
     /// The box that holds nothing.
-    pub(super) const EMPTY: Self =
+    pub(crate) const EMPTY: Self =
         Self { min: Vec3A::splat(f32::INFINITY), max: Vec3A::splat(f32::NEG_INFINITY) };
 
-    pub(super) const fn of_point(point: Vec3A) -> Self {
+    pub(crate) const fn of_point(point: Vec3A) -> Self {
         Self { min: point, max: point }
     }
 
     /// The box with this much more on each side.
-    pub(super) fn grown(self, by: Vec3A) -> Self {
+    pub(crate) fn grown(self, by: Vec3A) -> Self {
         Self { min: self.min - by, max: self.max + by }
     }
 
-    pub(super) fn union(self, other: Self) -> Self {
+    pub(crate) fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
     /// Half of the surface, and 0 for an empty box.
-    pub(super) fn half_area(&self) -> f32 {
+    pub(crate) fn half_area(&self) -> f32 {
         let side = (self.max - self.min).max(Vec3A::ZERO);
         side.x * side.y + side.y * side.z + side.z * side.x
     }
@@ -67,12 +67,12 @@ impl Box3 {
 /// Up to eight boxes with what is in them.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
-pub(super) struct Node {
+pub(crate) struct Node {
     /// For each axis the lower and the upper faces of the eight boxes. Boxes of absent children lie
     /// at infinity, the wrong way round.
-    pub(super) faces: [[[f32; LANES]; 2]; 3],
+    pub(crate) faces: [[[f32; LANES]; 2]; 3],
     /// Numbers of nodes, or of leaves with the bit [`LEAF`].
-    pub(super) children: [u32; LANES],
+    pub(crate) children: [u32; LANES],
 }
 
 impl Node {
@@ -90,28 +90,48 @@ impl Node {
     }
 }
 
-/// A leaf while the tree is built.
+/// An item while the tree is built.
 #[derive(Clone, Copy, Debug)]
 struct Item {
     around: Box3,
-    leaf: u32,
+    number: u32,
 }
 
-/// Builds the nodes over leaves with these boxes; the first node is the root. Also the leaves'
-/// numbers in the order in which the nodes count them.
-pub(super) fn build(boxes: &[Box3]) -> (Vec<Node>, Vec<u32>) {
+/// Builds the nodes over items with these boxes; the first node is the root. Leaves have up to `most`
+/// of them, one or eight. Also the items' numbers in the order in which the nodes count them.
+pub(crate) fn build(boxes: &[Box3], most: usize) -> (Vec<Node>, Vec<u32>) {
     let mut items: Vec<Item> =
-        (0..).zip(boxes).map(|(leaf, &around)| Item { around, leaf }).collect();
+        (0..).zip(boxes).map(|(number, &around)| Item { around, number }).collect();
     let mut nodes = Vec::new();
-    subtree(&mut items, 0, 0, &mut nodes);
+    subtree(&mut items, (0, most), 0, &mut nodes);
     nodes.shrink_to_fit();
-    (nodes, items.iter().map(|item| item.leaf).collect())
+    (nodes, items.iter().map(|item| item.number).collect())
 }
 
-/// Appends the nodes over `items`, the first of which is number `first` in the order of leaves.
-/// Items are put in that order.
-fn subtree(items: &mut [Item], first: u32, depth: u32, nodes: &mut Vec<Node>) {
-    let parts = parts(items, depth);
+/// Numbers the leaves of nodes over `items` items in their order, and gives the places at which they
+/// begin, and the end of the last one.
+pub(crate) fn number_leaves(nodes: &mut [Node], items: usize) -> Vec<u32> {
+    let leaves = |node: &Node| {
+        let used = node.children.into_iter().zip(node.faces[0][0]);
+        used.filter(|(child, face)| face.is_finite() && child & LEAF != 0)
+            .map(|(child, _)| child & !LEAF)
+    };
+    let mut starts: Vec<u32> = nodes.iter().flat_map(leaves).collect();
+    starts.sort_unstable();
+    let mut numbers = vec![0; items];
+    starts.iter().zip(0..).for_each(|(&start, number)| numbers[start as usize] = number);
+    let children = nodes.iter_mut().flat_map(|node| &mut node.children);
+    children
+        .filter(|child| **child & LEAF != 0)
+        .for_each(|child| *child = LEAF | numbers[(*child & !LEAF) as usize]);
+    starts.push(index32(items));
+    starts
+}
+
+/// Appends the nodes over `items`, the first of which is number `first` in their order. Leaves have
+/// up to `most`. Items are put in that order.
+fn subtree(items: &mut [Item], (first, most): (u32, usize), depth: u32, nodes: &mut Vec<Node>) {
+    let parts = parts(items, most, depth);
     let own = nodes.len();
     nodes.push(Node::EMPTY);
     let mut rest = items;
@@ -120,11 +140,11 @@ fn subtree(items: &mut [Item], first: u32, depth: u32, nodes: &mut Vec<Node>) {
     for (lane, part) in parts.iter().enumerate() {
         let (part_items, after) = rest.split_at_mut(part.count);
         rest = after;
-        let child = if part.count == 1 {
+        let child = if part.count <= most {
             LEAF | place
-        } else if part.count < LEAVES_PER_TASK {
+        } else if part.count < ITEMS_PER_TASK {
             let child = index32(nodes.len());
-            subtree(part_items, place, depth + 1, nodes);
+            subtree(part_items, (place, most), depth + 1, nodes);
             child
         } else {
             large.push((lane, part_items, place));
@@ -137,7 +157,7 @@ fn subtree(items: &mut [Item], first: u32, depth: u32, nodes: &mut Vec<Node>) {
         .into_par_iter()
         .map(|(lane, items, place)| {
             let mut nodes = Vec::new();
-            subtree(items, place, depth + 1, &mut nodes);
+            subtree(items, (place, most), depth + 1, &mut nodes);
             (lane, nodes)
         })
         .collect();
@@ -163,14 +183,15 @@ struct NodeItems {
 }
 
 /// Divides items into at most eight parts, one for each child. They are put in the parts' order.
-fn parts(items: &mut [Item], depth: u32) -> Vec<NodeItems> {
+fn parts(items: &mut [Item], most: usize, depth: u32) -> Vec<NodeItems> {
     let around = bounds(items);
     let mut parts = Vec::with_capacity(LANES);
     if items.len() <= LANES {
-        parts.extend((0..).zip(items).map(|(start, item)| NodeItems {
+        let leaves = items.chunks(most).zip((0..).step_by(most));
+        parts.extend(leaves.map(|(items, start)| NodeItems {
             start,
-            count: 1,
-            around: item.around,
+            count: items.len(),
+            around: bounds(items),
         }));
         return parts;
     }
@@ -214,7 +235,7 @@ impl Bin {
         Self { around: self.around.union(other.around), count: self.count + other.count }
     }
 
-    /// Cost of tests in this bin: the rays that enter it, times its leaves.
+    /// Cost of tests in this bin: the rays that enter it, times its items.
     fn cost(&self) -> f32 {
         self.around.half_area() * self.count as f32
     }
@@ -290,7 +311,7 @@ fn halve(items: &mut [Item]) -> usize {
     let half = items.len() / 2;
     items.select_nth_unstable_by(half, |a, b| {
         let (one, other) = (a.around.double_centre()[axis], b.around.double_centre()[axis]);
-        one.total_cmp(&other).then(a.leaf.cmp(&b.leaf))
+        one.total_cmp(&other).then(a.number.cmp(&b.number))
     });
     half
 }
@@ -327,7 +348,7 @@ mod tests {
     #[test]
     fn each_leaf_is_in_the_tree_once_and_no_branch_is_too_deep() {
         for count in [0, 1, 7, 9, 300, 20_000] {
-            let (nodes, mut order) = build(&boxes(count));
+            let (nodes, mut order) = build(&boxes(count), 1);
             let mut found = Vec::new();
             assert!(leaves(&nodes, 0, 1, &mut found) <= MAX_DEPTH);
             assert!(found.iter().copied().eq(0..count), "leaves lie in the order of the nodes");
@@ -337,12 +358,26 @@ mod tests {
     }
 
     #[test]
+    fn leaves_of_eight_hold_each_item_once() {
+        for count in [0, 1, 7, 8, 9, 65, 300, 20_000] {
+            let (mut nodes, order) = build(&boxes(count), LANES);
+            let starts = number_leaves(&mut nodes, order.len());
+            let mut found = Vec::new();
+            assert!(leaves(&nodes, 0, 1, &mut found) <= MAX_DEPTH);
+            assert!(found.iter().copied().eq(0..index32(starts.len()) - 1));
+            let sizes = starts.windows(2).map(|ends| ends[1] - ends[0]);
+            assert!(sizes.clone().all(|size| (1..=8).contains(&size)), "{count}");
+            assert_eq!(sizes.sum::<u32>(), count);
+        }
+    }
+
+    #[test]
     fn boxes_in_one_place_and_growing_ones_stay_shallow() {
         let same = vec![Box3::of_point(Vec3A::ONE); 5000];
         let growing: Vec<Box3> =
             (0_u8..120).map(|i| Box3::of_point(Vec3A::splat(2.0_f32.powi(i32::from(i))))).collect();
         for boxes in [same, growing] {
-            let (nodes, _) = build(&boxes);
+            let (nodes, _) = build(&boxes, 1);
             assert!(leaves(&nodes, 0, 1, &mut Vec::new()) <= MAX_DEPTH);
         }
     }
@@ -352,7 +387,7 @@ mod tests {
         let boxes = boxes(40_000);
         let by = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let (nodes, order) = pool.install(|| build(&boxes));
+            let (nodes, order) = pool.install(|| build(&boxes, 1));
             let bits = |node: &Node| {
                 (node.faces.map(|pair| pair.map(|f| f.map(f32::to_bits))), node.children)
             };

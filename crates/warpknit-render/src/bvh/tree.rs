@@ -1,44 +1,66 @@
-//! Bounding volume hierarchy over the segments of yarns.
+//! A bounding volume hierarchy of shapes that are tested eight at a time.
 //!
-//! In: the points of yarns. Out: the nearest segment along a ray, or any segment that occludes it.
-//! A node has eight boxes in single precision, which one pass tests. A leaf has up to eight
-//! consecutive segments. Children are visited from near to far, and left out where they begin beyond
-//! what was hit already (Wald et al. 2008, 'Getting rid of packets'; Áfra 2013, 'Faster incoherent
-//! ray traversal using 8-wide AVX instructions'). A shadow ray ends at the first segment that it
-//! meets.
+//! In: leaves of up to eight shapes, with their boxes. Out: the nearest shape along a ray, or one
+//! after another. A node has eight boxes in single precision, which one pass tests. Children are
+//! visited from near to far, and left out where they begin beyond what was hit already (Wald et al.
+//! 2008, 'Getting rid of packets'; Áfra 2013, 'Faster incoherent ray traversal using 8-wide AVX
+//! instructions'). What a leaf's shapes are is up to [`Shapes`].
 //!
-//! Memory: 20 bytes a segment in full leaves, 224 a node of up to eight leaves or nodes, and for
-//! ribbons 24 bytes a point. The result does not depend on the number of threads, nor on the
-//! processor's instructions.
+//! Memory: 224 bytes a node of up to eight leaves or nodes. The result does not depend on the number
+//! of threads, nor on the processor's instructions.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
-use super::build::{Box3, LEAF, MAX_WAITING, Node, build};
-use super::capsule::{LaneRay, Leaf};
-use super::lanes::{Eight, Instructions, Kernel, LANES, Lanes, Lanes3};
-use super::ray::{Hit, SceneRay};
-use warpknit_core::ids::index32;
+use super::build::{Box3, LEAF, MAX_WAITING, Node, build, number_leaves};
+use super::lanes::{Eight, Instructions, Kernel, LANES, LaneRay, Lanes, Lanes3};
 
 /// Components of directions smaller than this are replaced by it, so that no slab is 0 / 0. Its
 /// inverse times any distance is finite.
 const LEAST_COMPONENT: f32 = 1e-20;
 
-/// The hierarchy over all segments.
+/// The hierarchy over all shapes.
 #[derive(Debug)]
-pub(super) struct Tree {
+pub(crate) struct Tree<L> {
     nodes: Vec<Node>,
-    leaves: Vec<Leaf>,
+    leaves: Vec<L>,
     instructions: Instructions,
 }
 
-/// What a leaf's segments are.
-pub(super) trait Shapes {
-    /// Those segments `among` a leaf's that the ray meets at most `limit` away, which is finite; as
-    /// bits, and how far away.
+/// A ray in the axes of the shapes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ray {
+    pub(crate) origin: Vec3,
+    /// Of unit length.
+    pub(crate) direction: Vec3,
+    /// Distance beyond which nothing is looked for.
+    pub(crate) reach: f32,
+}
+
+/// A shape on a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ShapeHit {
+    /// Its number.
+    pub(crate) shape: u32,
+    /// Distance from the ray's origin.
+    pub(crate) distance: f32,
+}
+
+/// Up to eight shapes that lanes test together.
+pub(crate) trait Leaf: Copy + Send + Sync {
+    /// The number of the shape in a lane.
+    fn shape(&self, lane: usize) -> u32;
+}
+
+/// What a leaf's shapes are.
+pub(crate) trait Shapes {
+    type Leaf: Leaf;
+
+    /// Those of a leaf's shapes that the ray meets at most `limit` away, which is finite; as bits,
+    /// and how far away.
     fn distances<S: Eight>(
         &self,
-        leaf: &Leaf,
-        among: u32,
+        leaf: &Self::Leaf,
         ray: &LaneRay<S>,
         limit: f32,
     ) -> (u32, [f32; LANES]);
@@ -48,47 +70,56 @@ pub(super) trait Shapes {
 /// Distances are not negative, so that they are ordered like their bits.
 ///
 /// The rays of a pixel share one, so that it is not cleared for each.
-pub(super) struct Waiting([u64; MAX_WAITING]);
+pub(crate) struct Waiting([u64; MAX_WAITING]);
 
 impl Waiting {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self([0; MAX_WAITING])
     }
 }
 
-impl Tree {
+impl<L: Leaf> Tree<L> {
     /// Builds the tree over leaves with these boxes.
-    pub(super) fn new(leaves: Vec<Leaf>, boxes: &[Box3]) -> Self {
-        let (nodes, order) = build(boxes);
+    pub(crate) fn new(leaves: Vec<L>, boxes: &[Box3]) -> Self {
+        let (nodes, order) = build(boxes, 1);
         let leaves = order.par_iter().map(|&leaf| leaves[leaf as usize]).collect();
         Self { nodes, leaves, instructions: Instructions::best() }
     }
 
+    /// Builds the tree over shapes with these boxes. `leaf` makes a leaf of up to eight of them.
+    pub(crate) fn of_shapes(boxes: &[Box3], leaf: impl Fn(&[u32]) -> L + Sync) -> Self {
+        let (mut nodes, order) = build(boxes, LANES);
+        let starts = number_leaves(&mut nodes, order.len());
+        let of = |ends: &[u32]| leaf(&order[ends[0] as usize..ends[1] as usize]);
+        let leaves = starts.par_windows(2).map(of).collect();
+        Self { nodes, leaves, instructions: Instructions::best() }
+    }
+
     /// The processor's instructions.
-    pub(super) fn instructions(&self) -> Instructions {
+    pub(crate) fn instructions(&self) -> Instructions {
         self.instructions
     }
 
-    /// The nearest segment along the ray.
-    pub(super) fn nearest(
+    /// The nearest shape along the ray.
+    pub(crate) fn nearest(
         &self,
-        ray: &SceneRay,
-        shapes: &impl Shapes,
+        ray: &Ray,
+        shapes: &impl Shapes<Leaf = L>,
         waiting: &mut Waiting,
-    ) -> Option<Hit> {
+    ) -> Option<ShapeHit> {
         self.instructions.run(Nearest { tree: self, ray, shapes, waiting })
     }
 
-    /// The first point of any segment that blocks the ray. Segment `own` and its two neighbours on
-    /// the yarn do not count.
-    pub(super) fn occluder(
+    /// Visits the shapes that the ray meets, in the order of the tree, as long as `visit` returns
+    /// true.
+    pub(crate) fn visit(
         &self,
-        ray: &SceneRay,
-        own: u32,
-        shapes: &impl Shapes,
+        ray: &Ray,
+        shapes: &impl Shapes<Leaf = L>,
         waiting: &mut Waiting,
-    ) -> Option<u32> {
-        self.instructions.run(Occluder { tree: self, ray, own, shapes, waiting })
+        visit: impl FnMut(u32) -> bool,
+    ) {
+        self.instructions.run(Visit { tree: self, ray, shapes, waiting, visit });
     }
 }
 
@@ -104,7 +135,7 @@ struct Slabs<S> {
 
 impl<S: Eight> Slabs<S> {
     #[inline(always)]
-    fn new(ray: &SceneRay, lanes: &LaneRay<S>) -> Self {
+    fn new(ray: &Ray, lanes: &LaneRay<S>) -> Self {
         let inverse = ray.direction.to_array().map(|component| {
             1.0 / if component.abs() < LEAST_COMPONENT {
                 LEAST_COMPONENT.copysign(component)
@@ -160,22 +191,22 @@ fn from_place(place: u64) -> (f32, u32) {
     (f32::from_bits((place >> 32) as u32), place as u32)
 }
 
-struct Nearest<'a, T> {
-    tree: &'a Tree,
-    ray: &'a SceneRay,
+struct Nearest<'a, T: Shapes> {
+    tree: &'a Tree<T::Leaf>,
+    ray: &'a Ray,
     shapes: &'a T,
     waiting: &'a mut Waiting,
 }
 
 impl<T: Shapes> Kernel for Nearest<'_, T> {
-    type Output = Option<Hit>;
+    type Output = Option<ShapeHit>;
 
     #[inline(always)]
-    fn run<S: Eight>(self, simd: S) -> Option<Hit> {
+    fn run<S: Eight>(self, simd: S) -> Option<ShapeHit> {
         let Self { tree, ray, shapes, waiting: Waiting(waiting) } = self;
         let lanes = LaneRay::new(simd, ray.origin, ray.direction);
         let slabs = Slabs::new(ray, &lanes);
-        let mut hit = Hit { start: u32::MAX, distance: ray.reach };
+        let mut hit = ShapeHit { shape: u32::MAX, distance: ray.reach };
         let (mut count, mut here) = (0, 0_u64);
         loop {
             let (_, child) = from_place(here);
@@ -210,16 +241,15 @@ impl<T: Shapes> Kernel for Nearest<'_, T> {
                 }
             } else {
                 let leaf = &tree.leaves[(child & !LEAF) as usize];
-                let (mut met, distances) =
-                    shapes.distances(leaf, u32::MAX, &lanes, finite(hit.distance));
+                let (mut met, distances) = shapes.distances(leaf, &lanes, finite(hit.distance));
                 while met != 0 {
                     let lane = met.trailing_zeros() as usize % LANES;
                     met &= met - 1;
-                    let (start, distance) = (leaf.first + index32(lane), distances[lane]);
-                    // Ties go to the first segment along the yarn. Otherwise the order of traversal
-                    // would decide at joints, and with it the picture.
-                    if distance < hit.distance || (distance == hit.distance && start < hit.start) {
-                        hit = Hit { start, distance };
+                    let (shape, distance) = (leaf.shape(lane), distances[lane]);
+                    // Ties go to the first shape. Otherwise the order of traversal would decide at
+                    // the joints of a yarn, and with it the picture.
+                    if distance < hit.distance || (distance == hit.distance && shape < hit.shape) {
+                        hit = ShapeHit { shape, distance };
                     }
                 }
             }
@@ -237,20 +267,20 @@ impl<T: Shapes> Kernel for Nearest<'_, T> {
     }
 }
 
-struct Occluder<'a, T> {
-    tree: &'a Tree,
-    ray: &'a SceneRay,
-    own: u32,
+struct Visit<'a, T: Shapes, V> {
+    tree: &'a Tree<T::Leaf>,
+    ray: &'a Ray,
     shapes: &'a T,
     waiting: &'a mut Waiting,
+    visit: V,
 }
 
-impl<T: Shapes> Kernel for Occluder<'_, T> {
-    type Output = Option<u32>;
+impl<T: Shapes, V: FnMut(u32) -> bool> Kernel for Visit<'_, T, V> {
+    type Output = ();
 
     #[inline(always)]
-    fn run<S: Eight>(self, simd: S) -> Option<u32> {
-        let Self { tree, ray, own, shapes, waiting: Waiting(waiting) } = self;
+    fn run<S: Eight>(self, simd: S) {
+        let Self { tree, ray, shapes, waiting: Waiting(waiting), mut visit } = self;
         let lanes = LaneRay::new(simd, ray.origin, ray.direction);
         let slabs = Slabs::new(ray, &lanes);
         let (mut count, mut here) = (0, 0_u32);
@@ -266,13 +296,17 @@ impl<T: Shapes> Kernel for Occluder<'_, T> {
                 }
             } else {
                 let leaf = &tree.leaves[(here & !LEAF) as usize];
-                let (met, _) = shapes.distances(leaf, leaf.others(own), &lanes, finite(ray.reach));
-                if met != 0 {
-                    return Some(leaf.first + met.trailing_zeros());
+                let (mut met, _) = shapes.distances(leaf, &lanes, finite(ray.reach));
+                while met != 0 {
+                    let lane = met.trailing_zeros() as usize % LANES;
+                    met &= met - 1;
+                    if !visit(leaf.shape(lane)) {
+                        return;
+                    }
                 }
             }
             if count == 0 {
-                return None;
+                return;
             }
             count -= 1;
             (_, here) = from_place(waiting[count]);
