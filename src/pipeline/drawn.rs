@@ -61,20 +61,17 @@ impl<'a> Drawn<'a> {
         let whole = RenderOptions { rows: None, ..options.clone() };
         let cameras = pictures::cameras(job.settings, &options, points);
         let has_fibres = setup.fibres.as_ref().is_some_and(Fibres::replace_yarns);
-        let of_cameras = |cameras: &[Camera], options: &RenderOptions| {
+        let in_view = |cameras: &[Camera], options: &RenderOptions| {
             let found = (!job.is_swatch)
                 .then(|| InView::of_cameras(job.cloth, scene, cameras, options, has_fibres));
-            found.flatten().map_or(ShownCloth::All, |found| {
-                let cloth = found.cloth(job.cloth, &job.options);
-                ShownCloth::InView(found, cloth)
-            })
+            found.flatten()
         };
         let averaged = averaged(job, scene, &cameras, &whole);
         let shown = match &averaged {
             Some((_, share)) if *share >= 1.0 => {
                 ShownCloth::Averaged(job.cloth.sampled(SAMPLED_STITCHES))
             }
-            _ => of_cameras(&cameras, &whole),
+            _ => ShownCloth::of(in_view(&cameras, &whole), job),
         };
         let bytes = |shown: &ShownCloth<'a>, cameras: &[Camera], options: &RenderOptions| {
             let (cloth, laying) = (shown.cloth(job), shown.laying(job));
@@ -88,7 +85,7 @@ impl<'a> Drawn<'a> {
         };
         let loupe = loupe.map(|loupe| {
             let (cameras, options) = ([*loupe.camera()], pictures::inset_options(job, &loupe));
-            let shown = of_cameras(&cameras, &options);
+            let shown = ShownCloth::of(in_view(&cameras, &options), job);
             // One is drawn after the other.
             needed = needed.max(bytes(&shown, &cameras, &options));
             (loupe, shown)
@@ -126,6 +123,11 @@ impl<'a> Drawn<'a> {
         self.averaged.as_ref()
     }
 
+    /// What cameras see, where that is a part of the cloth.
+    pub(super) fn in_view(&self) -> Option<&InView> {
+        self.shown.in_view()
+    }
+
     /// Adds a block of the cloth that pictures need to a scene.
     pub(super) fn add_to(&self, scene: &mut Scene, block: &Block) {
         self.shown.add_to(scene, block);
@@ -153,16 +155,31 @@ impl<'a> Drawn<'a> {
             blocks.iter().for_each(|block| shown.add_to(&mut scene, block));
             Ok::<_, Infallible>(())
         });
-        edges::add_threads(&mut scene, job.threads);
+        edges::add_threads(&mut scene, job.threads, shown.in_view());
         pictures.inset(&scene, setup.fibres.as_ref(), job, loupe).map(Some)
     }
 }
 
 impl<'a> ShownCloth<'a> {
+    /// What is in view of a job's cloth, or all of it.
+    fn of(in_view: Option<InView>, job: &Job<'a>) -> Self {
+        in_view.map_or(Self::All, |in_view| {
+            let cloth = in_view.cloth(job.cloth, &job.options);
+            Self::InView(in_view, cloth)
+        })
+    }
+
     fn cloth<'b>(&'b self, job: &'b Job<'a>) -> &'b Cloth<'a> {
         match self {
             Self::All => job.cloth,
             Self::InView(_, cloth) | Self::Averaged(cloth) => cloth,
+        }
+    }
+
+    fn in_view(&self) -> Option<&InView> {
+        match self {
+            Self::InView(in_view, _) => Some(in_view),
+            Self::All | Self::Averaged(_) => None,
         }
     }
 

@@ -213,7 +213,7 @@ impl<'a> Prepared<'a> {
         clock.divide(&totals.laying);
         all.files.extend(finished(sinks)?);
         if let Some((drawn, scene)) = &mut pictures {
-            edges::add_threads(scene, job.threads);
+            edges::add_threads(scene, job.threads, drawn.in_view());
             if job.is_swatch {
                 points.clone_from(&scene.positions);
             }
@@ -221,7 +221,7 @@ impl<'a> Prepared<'a> {
             let far = drawn.averaged().map(|(cloth, share)| {
                 let mut threads = setup.scene(job);
                 threads.extent = scene.extent;
-                edges::add_threads(&mut threads, job.threads);
+                edges::add_threads(&mut threads, job.threads, None);
                 FarLook { cloth, share: *share, threads }
             });
             let look = Look { scene, fibres: setup.fibres.as_ref(), far };

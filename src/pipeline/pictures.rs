@@ -213,7 +213,7 @@ pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
 /// picture that needs a loupe has thin yarns, which the processor draws, and so its inset too.
 pub(super) fn inset_options(job: &Job<'_>, loupe: &Loupe) -> RenderOptions {
     let [width, height] = loupe.size();
-    let options = RenderOptions { width, height, rows: None, ..options_of(job) };
+    let options = RenderOptions { width, height, rows: None, is_round: true, ..options_of(job) };
     RenderOptions { renderer: processor_if(options.renderer, || true), ..options }
 }
 

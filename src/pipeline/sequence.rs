@@ -428,7 +428,7 @@ impl Show<'_, '_, '_> {
             .map(|(path, _)| path.as_path())
             .collect();
         if let (Some(scene), false) = (&mut self.scene, paths.is_empty()) {
-            edges::add_threads(scene, threads);
+            edges::add_threads(scene, threads, None);
             // A camera with a place of its own needs none.
             let extent = self.extent.as_slice();
             let fibres = self.setup.fibres.as_ref();

@@ -3,10 +3,13 @@
 //! In: a garment, its cloth, and the cameras of pictures. Out: the points that cameras frame, and
 //! [`InView`], by which only what is seen is knitted.
 
-use glam::Vec3;
+use std::ops::Range;
 
-use crate::drape::seen::{Seen, Sight, Stretches, Surroundings};
+use glam::{DVec3, Vec3};
+
+use crate::drape::seen::{LEAD_POINTS, Seen, Sight, Stretches, Surroundings};
 use crate::drape::{Block, Cloth, DrapeOptions};
+use crate::edges::Thread;
 use crate::garment::Garment;
 use crate::render::light::SKY_REACH_RADII;
 use crate::render::scene::{Bounds, Scene};
@@ -17,6 +20,9 @@ use crate::render::{Camera, RenderOptions, cloth};
 pub struct InView {
     seen: Seen,
     stretches: Stretches,
+    sights: Vec<Sight>,
+    /// How far around the view yarns matter for its light, mm.
+    reach: f64,
 }
 
 /// The draped points of a garment's own panels, which cameras frame.
@@ -69,13 +75,24 @@ impl InView {
         let seen = Seen::find(cloth.garment(), &sights, &around)?;
         let near = has_fibres || scene.shows_turns(seen.pixel());
         let stretches = if near { Stretches::FromStart } else { Stretches::AsSeen };
-        Some(Self { seen, stretches })
+        Some(Self { seen, stretches, sights, reach: around.sky_reach })
     }
 
     /// The yarns of a cloth that are needed. `options` are those with which it is laid.
     #[must_use]
     pub fn cloth<'a>(&self, whole: &Cloth<'a>, options: &DrapeOptions) -> Cloth<'a> {
         whole.seen(&self.seen, options, self.stretches)
+    }
+
+    /// The points of a thread from the first to the last that is in view, and some around them.
+    /// `None` if none is.
+    #[must_use]
+    pub fn of_thread(&self, thread: &Thread) -> Option<Range<usize>> {
+        let is_seen = |(place, _): &(DVec3, DVec3)| {
+            self.sights.iter().any(|sight| sight.is_near(*place, self.reach))
+        };
+        let (first, last) = (thread.iter().position(is_seen)?, thread.iter().rposition(is_seen)?);
+        Some(first.saturating_sub(LEAD_POINTS)..thread.len().min(last + 1 + LEAD_POINTS))
     }
 
     /// Adds what is needed of a block to a scene.

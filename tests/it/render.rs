@@ -181,6 +181,24 @@ fn bytes_of_far_yarns_do_not_depend_on_threads() {
 }
 
 #[test]
+fn a_round_picture_has_the_pixels_of_the_whole_one() {
+    let scene = tangle();
+    for (height, distance) in [(40.0, 90.0), (4000.0, 9000.0)] {
+        let camera = facing(distance, height);
+        let whole = draw(&scene, &camera, &options());
+        let round = draw(&scene, &camera, &RenderOptions { is_round: true, ..options() });
+        let middle = f64::from(SIZE) / 2.0;
+        for (x, y, pixel) in whole.enumerate_pixels() {
+            let [across, down] = [x, y].map(|at| f64::from(at) + 0.5 - middle);
+            let from_middle = across.hypot(down);
+            let own = round.get_pixel(x, y);
+            assert!(own == pixel || from_middle > middle, "{height} {x} {y}");
+            assert!(own.0[3] == 0 || from_middle < middle + 4.0, "{height} {x} {y}");
+        }
+    }
+}
+
+#[test]
 fn a_picture_that_nobody_wants_any_longer_ends_early() {
     let (scene, stop) = (tangle(), Arc::new(AtomicBool::new(true)));
     let stopped = RenderOptions { stop: Some(Arc::clone(&stop)), ..options() };

@@ -7,7 +7,8 @@ use image::RgbaImage;
 use warpknit::drape::{Cloth, DrapeOptions, run};
 use warpknit::fabric::Fabric;
 use warpknit::garment::{Garment, ReadOptions, read};
-use warpknit::pipeline::{InView, draped_points, extent};
+use warpknit::knit::Pattern;
+use warpknit::pipeline::{InView, add_thread_look, add_threads, draped_points, edges_of, extent};
 use warpknit::render::cloth::{add_to, looks};
 use warpknit::render::scene::Scene;
 use warpknit::render::{Camera, RenderOptions, View, render};
@@ -134,4 +135,39 @@ fn what_is_out_of_view_casts_its_shadows() {
         println!("shadows: {rms}");
         assert!(rms < 1.0, "{x} {y}: {rms}");
     }
+}
+
+#[test]
+fn threads_in_view_are_those_of_the_whole_garment() {
+    let garment = tshirt();
+    let fabric = Fabric::named("tricot").unwrap();
+    let pattern = Pattern::new(&fabric);
+    let threads = edges_of(&garment, &pattern, fabric.radius()).finish(&garment).threads;
+    let cloth = Cloth::cover_with(&garment, &fabric, pattern).unwrap();
+    let points = draped_points(&garment);
+    let mut empty = Scene {
+        looks: looks(&fabric, fabric.radius()),
+        extent: extent(&points, &cloth),
+        ..Scene::default()
+    };
+    add_thread_look(&mut empty, &threads);
+    // Some stitches of the longest thread fill the picture.
+    let hem = threads.iter().max_by_key(|thread| thread.len()).unwrap();
+    let (place, normal) = hem[hem.len() / 3];
+    let camera = Camera::look_at(place + normal * 60.0, place, 0.3, 1.0);
+    let options = RenderOptions { width: 240, height: 180, ..RenderOptions::default() };
+    let in_view = InView::of_cameras(&cloth, &empty, &[camera], &options, false).unwrap();
+    let scene = |in_view: Option<&InView>| {
+        let mut scene = empty.clone();
+        add_threads(&mut scene, &threads, in_view);
+        scene
+    };
+    let (seen, whole) = (scene(Some(&in_view)), scene(None));
+    assert!(seen.strands.iter().filter(|strand| !strand.is_shadow).count() < threads.len() / 2);
+    let pictures = [&seen, &whole].map(|scene| render(scene, &camera, &options, &|_| ()).unwrap());
+    let background = pictures[1].get_pixel(0, 0);
+    let covered = pictures[1].pixels().filter(|pixel| *pixel != background).count();
+    let (rms, differing) = differences(&pictures[0], &pictures[1]);
+    assert!(covered > 1000, "{covered}");
+    assert!(rms < 0.2 && differing < 0.003, "{rms} {differing}");
 }

@@ -80,6 +80,9 @@ pub enum RendererChoice {
     Cpu,
 }
 
+/// Distance of pixels' middles from a wanted place within which they matter to it, pixels.
+const FILTER_REACH: f32 = 2.0;
+
 /// Settings of a picture.
 #[derive(Clone, Debug)]
 pub struct RenderOptions {
@@ -90,6 +93,9 @@ pub struct RenderOptions {
     /// Rows of the picture that are wanted, or all. They are the same to the byte as in the whole
     /// picture.
     pub rows: Option<Range<u32>>,
+    /// Whether only the largest disc within the picture is wanted. The processor then leaves most of
+    /// the rest empty.
+    pub is_round: bool,
     /// The renderer.
     pub renderer: RendererChoice,
     /// Samples per pixel, at least 1. The GPU renderer takes `samples` of them by multisampling and
@@ -142,6 +148,14 @@ impl RenderOptions {
         [across, up]
     }
 
+    /// Whether a pixel is wanted, or one next to it, whose filter reaches it.
+    pub(crate) fn is_wanted(&self, pixel: [u32; 2]) -> bool {
+        let [width, height] = [self.width, self.height].map(|side| side as f32);
+        let [x, y] = pixel.map(|at| at as f32 + 0.5);
+        let from_middle = (x - 0.5 * width).hypot(y - 0.5 * height);
+        !self.is_round || from_middle < 0.5 * width.min(height) + FILTER_REACH
+    }
+
     /// The wanted rows, clipped to the picture.
     #[must_use]
     pub fn rows(&self) -> Range<u32> {
@@ -158,6 +172,7 @@ impl Default for RenderOptions {
             width: 1600,
             height: 1200,
             rows: None,
+            is_round: false,
             renderer: RendererChoice::Cpu,
             spp: 4,
             sky_rays: 2,

@@ -199,7 +199,7 @@ impl ClothSource {
         let mut knitted = self.lay(&cloth, fabric, radius, recipe, clock, superseded)?;
         if let (Some(knitted), Some(finished)) = (&mut knitted, &finished) {
             pipeline::add_thread_look(&mut knitted.scene, &finished.threads);
-            pipeline::add_threads(&mut knitted.scene, &finished.threads);
+            pipeline::add_threads(&mut knitted.scene, &finished.threads, None);
         }
         Ok(knitted)
     }

@@ -143,11 +143,15 @@ fn sample_rows(
         }
         for (y, splats) in &mut rows {
             for x in left..width.min(left.saturating_add(TILE)) {
+                let is_wanted = options.is_wanted([x, *y]);
                 let behind = backdrop.map_or(Behind::NOTHING, |backdrop| {
-                    let behind = backdrop.pixel([x, *y]);
+                    let behind = if is_wanted { backdrop.pixel([x, *y]) } else { Behind::NOTHING };
                     splats.push_behind(behind.light);
                     behind
                 });
+                if !is_wanted {
+                    continue;
+                }
                 match method {
                     Some(method) => method.pixel([x, *y], &behind, splats),
                     None => behind.add_body(x, splats),

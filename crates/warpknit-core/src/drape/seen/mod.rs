@@ -193,11 +193,15 @@ impl Sight {
         reach.fold(f64::INFINITY, f64::min) + facet.depth
     }
 
-    /// Whether all of a facet lies inside the view or within `reach` of it.
+    /// Whether a place lies inside the view or within `reach` of it, mm.
+    #[must_use]
+    pub fn is_near(&self, place: DVec3, reach: f64) -> bool {
+        self.sides.iter().all(|(normal, offset)| normal.dot(place) + offset >= -reach)
+    }
+
+    /// Whether all of a facet does.
     fn holds(&self, facet: &FlatFacet, reach: f64) -> bool {
-        self.sides.iter().all(|(normal, offset)| {
-            facet.place.iter().all(|place| normal.dot(*place) + offset >= -reach)
-        })
+        facet.place.iter().all(|place| self.is_near(*place, reach))
     }
 }
 
