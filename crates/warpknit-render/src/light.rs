@@ -82,6 +82,8 @@ pub struct Rig {
     /// Radiance of an occluder of white yarn nearby. Multiply it by the yarn's albedo.
     pub interior: Vec3,
     pub(super) light: Light,
+    /// Radius of the sun's disc at distance 1.
+    sun_radius: f32,
     /// Unit vector to the brightest sky.
     pub(super) zenith: Vec3,
 }
@@ -100,7 +102,8 @@ impl Light {
         let (toward_sun, zenith) = (to_world(self.sun_direction), to_world(self.sky_direction));
         // The sky's mean radiance, and the sun's as if spread evenly by a white diffuse surface.
         let sky = (self.sky_above + self.sky_below) * 0.5;
-        Rig { toward_sun, interior: (sky + self.sun * FRAC_1_PI) * INTERIOR, light: *self, zenith }
+        let interior = (sky + self.sun * FRAC_1_PI) * INTERIOR;
+        Rig { toward_sun, interior, light: *self, sun_radius: self.sun_half_angle.tan(), zenith }
     }
 }
 
@@ -142,7 +145,7 @@ impl Rig {
         let (across, up) = self.toward_sun.any_orthonormal_pair();
         let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
         // The square root makes the density uniform per area of the disc.
-        let r = self.light.sun_half_angle.tan() * u[0].sqrt();
+        let r = self.sun_radius * u[0].sqrt();
         (self.toward_sun + (across * cos + up * sin) * r).normalize()
     }
 

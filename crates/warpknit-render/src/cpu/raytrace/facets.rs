@@ -20,6 +20,10 @@ use warpknit_core::ids::index32;
 
 /// Rays for each direction to the eye. With half as many, some cloth is two percent too dark.
 const RAYS: u32 = 512;
+/// Parts of the facets, of which the sun lights one for each of its directions. Light from between
+/// directions with different parts is a mean of them all. It is off by a quarter of a step of 255
+/// more than with all facets for each direction.
+const PARTS: usize = 3;
 
 /// The places of a cloth that a distant eye sees.
 pub(in crate::cpu) struct Facets {
@@ -76,12 +80,13 @@ impl RayTracer<'_> {
     }
 
     /// The sun's light that facets reflect toward their eye, as a mean over the cloth's area, where
-    /// the sun stands as in `rig`, in the cloth's axes.
-    pub(in crate::cpu) fn sunlight(&self, facets: &Facets, rig: &Rig) -> Vec3 {
+    /// the sun stands as in `rig`, in the cloth's axes. Part number `part` of the facets stands for
+    /// all.
+    pub(in crate::cpu) fn sunlight(&self, facets: &Facets, part: usize, rig: &Rig) -> Vec3 {
         let sampler = Sampler::new(0, 0, 0);
         let mut waiting = Waiting::new();
         let mut sum = Vec3::ZERO;
-        for (index, here) in (0..).zip(&facets.hits) {
+        for (index, here) in (0..).zip(&facets.hits).skip(part % PARTS).step_by(PARTS) {
             let toward = rig.sun_sample(sampler.pair(SampleDimension::Sun, index, RAYS));
             if here.surface.normal.dot(toward) <= 0.0 || here.smooth_normal.dot(toward) <= 0.0 {
                 continue;
@@ -91,7 +96,7 @@ impl RayTracer<'_> {
                 sum += sun_reflection(rig, &here.surface, toward, here.toward_eye);
             }
         }
-        sum * share(1, RAYS)
+        sum * share(index32(PARTS), RAYS)
     }
 
     /// The ray from a distant eye to a place of the area, 0..1 along both sides.
