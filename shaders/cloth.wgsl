@@ -14,6 +14,11 @@ const MIN_ALPHA = 0.02;
 // that variance shadow maps let through where layers at several depths overlap (Lauritzen 2007,
 // 'Summed-area variance shadow maps', section 8.4.3). Higher values narrow penumbras.
 const LIGHT_BLEEDING = 0.2;
+// Texels to each side at which the slope of a layer is taken: about a standard deviation of the
+// depth map's filter.
+const SLOPE_TEXELS = 3;
+// That standard deviation over the thickness of a layer: DEPTH_RADII over LAYER_RADII in src/render.
+const FILTER_LAYERS = 0.25;
 // Samples per pixel of alpha to coverage.
 const SAMPLES = 4.0;
 
@@ -92,11 +97,41 @@ fn sky(direction: vec3f) -> vec3f {
     return mix(view.sky_below, view.sky_above, 0.5 + 0.5 * dot(direction, view.zenith));
 }
 
-// Visibility of the sky at a depth, from the cloth's mean depth around it, or from afar by the mean.
+// How much deeper the layer lies a texel further across and down, mm, from its mean depths some
+// texels to both sides: the reach of their filter. Texels without yarn tell nothing.
+fn depth_slope(place: vec2f) -> vec2f {
+    let last = vec2i(textureDimensions(depth_map)) - 1;
+    let at = vec2i(place);
+    let right = vec2i(SLOPE_TEXELS, 0);
+    let down = vec2i(0, SLOPE_TEXELS);
+    let a = textureLoad(depth_map, clamp(at - right, vec2i(0), last), 0);
+    let b = textureLoad(depth_map, clamp(at + right, vec2i(0), last), 0);
+    let c = textureLoad(depth_map, clamp(at - down, vec2i(0), last), 0);
+    let d = textureLoad(depth_map, clamp(at + down, vec2i(0), last), 0);
+    let across = select(0.0, b.x - a.x, min(a.z, b.z) > 0.0);
+    let along = select(0.0, d.x - c.x, min(c.z, d.z) > 0.0);
+    return vec2f(across, along) / f32(2 * SLOPE_TEXELS);
+}
+
+// Visibility of the sky at a depth, from the cloth's depths around it, or from afar by the mean.
 fn sky_visibility_at(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
-    let m = moments_at(depth_map, (at + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
-    let before = (m.x - depth) / radius;
-    let mapped = sky_visibility(before, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
+    let place = (at + vec2f(view.corner_x, view.corner_y)) * view.depth_scale;
+    let m = moments_at(depth_map, place);
+    let before = m.x - depth;
+    let other = -before > view.layer;
+    var mapped = 0.0;
+    if SHAPE == RIBBON {
+        mapped = sky_visibility_of_strip(before / radius, other, m.z, cosine);
+    } else {
+        // A layer that is seen obliquely has other depths at each place. What is left of them
+        // without its slope, along its normal, is the relief of its yarns.
+        let texel = view.depth_texel * select(1.0, depth, view.eye.w > 0.5);
+        let slope = depth_slope(place) / texel;
+        let steep = dot(slope, slope);
+        let spread = sqrt(max(m.y - steep * pow(FILTER_LAYERS * view.layer, 2.0), 0.0));
+        let per_radius = inverseSqrt(1.0 + steep) / radius;
+        mapped = sky_visibility(Relief(before * per_radius, spread * per_radius, m.z), other, cosine);
+    }
     let mean = saturate(view.near_open.x + view.near_open.y * cosine);
     return mix(mapped, mean, view.farness);
 }

@@ -91,10 +91,26 @@ fn base_brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
     return base * sheen_base_share(m.sheen, nl, nv);
 }
 
+// How a place lies among the yarns of the nearest layer, see src/render/shade.rs.
+struct Relief {
+    // How far before the layer's mean depth it lies, radii.
+    before: f32,
+    // Standard deviation of the layer's depths, radii.
+    deviation: f32,
+    // Fraction of the surroundings that yarn covers.
+    cover: f32,
+}
+
 // Visibility of the sky among neighbouring yarns: a logistic fit, see src/render/shade.rs. `other`
 // marks a yarn of another layer.
-fn sky_visibility(before: f32, other: bool, cover: f32, cosine: f32, ribbon: bool) -> f32 {
-    let middle = select(0.065, -0.35, ribbon);
-    let level = select(1.0 / (1.0 + exp(middle - 0.427 * before)), 0.5, other);
+fn sky_visibility(relief: Relief, other: bool, cosine: f32) -> f32 {
+    let slope = 3.722 / (relief.deviation + 2.607);
+    let level = 1.0 / (1.0 + exp(0.412 * relief.deviation - 1.038 - slope * relief.before));
+    return saturate(mix(1.0, select(level, 0.5, other), relief.cover) * (0.545 + 0.525 * cosine));
+}
+
+// The same among strips, which have no relief of their own.
+fn sky_visibility_of_strip(before: f32, other: bool, cover: f32, cosine: f32) -> f32 {
+    let level = select(1.0 / (1.0 + exp(-0.35 - 0.427 * before)), 0.5, other);
     return saturate(mix(1.0, level, cover) * mix(0.51, 1.2, cosine));
 }

@@ -36,7 +36,8 @@ struct ViewUniform {
     near_sunshine: f32,
     // How far these means take the place of the depth maps, which are too coarse from afar, 0..1.
     farness: f32,
-    spare: f32,
+    // Size of a texel of the eye's depth map at distance 1, mm; as `pixel`.
+    depth_texel: f32,
 }
 
 struct LookData {

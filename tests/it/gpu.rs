@@ -124,6 +124,17 @@ fn both_renderers_draw_the_same_swatch() {
 }
 
 #[test]
+fn both_renderers_draw_the_same_weft_knits() {
+    if can_draw("both_renderers_draw_the_same_weft_knits") {
+        // These two differ most of the built-in fabrics.
+        for fabric in ["jersey", "rib-2x2"] {
+            let scene = cloth::swatch(&Fabric::named(fabric).unwrap(), 12, 14);
+            assert!(difference(&scene, &front(&scene), fine()) < 0.06, "{fabric}");
+        }
+    }
+}
+
+#[test]
 fn both_renderers_draw_the_same_textured_ribbons() {
     if can_draw("both_renderers_draw_the_same_textured_ribbons") {
         let scene = ribbons(9, 10);

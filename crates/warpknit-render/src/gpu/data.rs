@@ -40,7 +40,7 @@ pub(super) struct ViewUniform {
     pub(super) near_brightness: f32,
     pub(super) near_sunshine: f32,
     pub(super) farness: f32,
-    pub(super) spare: f32,
+    pub(super) depth_texel: f32,
 }
 
 /// `LookData` of `shaders/view.wgsl`.
@@ -161,7 +161,7 @@ mod tests {
             layout!(ViewUniform: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun,
                 tile_width, zenith, tile_height, sky_above, depth_scale, sky_below, corner_x,
                 interior, corner_y, sun_bias, layer, near_open, near_brightness,
-                near_sunshine, farness, spare),
+                near_sunshine, farness, depth_texel),
             layout!(LookData: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope,
                 repeat, sheen, spare),
             layout!(Chunk: first, count, look, lightness, thickness),

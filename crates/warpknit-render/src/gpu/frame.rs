@@ -147,6 +147,7 @@ impl FrameSetup {
             near_brightness: brightness,
             near_sunshine: sunshine,
             farness,
+            depth_texel: depth.frustum.pixel,
             ..data::ViewUniform::zeroed()
         };
         let scale = texels(TEXELS_A_YARN * pixel_there / (2.0 * thinnest_yarn));

@@ -67,7 +67,7 @@ impl LayerDepths {
         // A yarn behind the layer belongs to another layer, such as the far side of a skirt. Its
         // depth says nothing about its place in its own cloth.
         let before = (depth - mean <= self.layer).then(|| (mean - depth) / radius);
-        shade::sky_level(before, cover, false)
+        shade::sky_level(before, cover)
     }
 
     /// Mean depth and cover, interpolated between squares.
