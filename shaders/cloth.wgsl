@@ -1,6 +1,6 @@
 // The light that leaves a yarn toward the eye. Sun: through a variance shadow map (Donnelly and
-// Lauritzen 2006, 'Variance shadow maps'). Sky: ambient occlusion from the cloth's own mean depth.
-// Surface: textures or procedural plies.
+// Lauritzen 2006, 'Variance shadow maps'). Sky: ambient occlusion from the cloth's own mean depth,
+// and from how much its depths vary. Surface: textures or procedural plies.
 
 // Whether this pass draws fuzz: translucent fragments, blended.
 override FUZZ: bool = false;
@@ -14,11 +14,9 @@ const MIN_ALPHA = 0.02;
 // that variance shadow maps let through where layers at several depths overlap (Lauritzen 2007,
 // 'Summed-area variance shadow maps', section 8.4.3). Higher values narrow penumbras.
 const LIGHT_BLEEDING = 0.2;
-// Texels to each side at which the slope of a layer is taken: about a standard deviation of the
-// depth map's filter.
+// Texels to a side at which the slope of a layer is taken: where the picture shows yarns well, a
+// standard deviation of the depth map's filter.
 const SLOPE_TEXELS = 3;
-// That standard deviation over the thickness of a layer: DEPTH_RADII over LAYER_RADII in src/render.
-const FILTER_LAYERS = 0.25;
 // Samples per pixel of alpha to coverage.
 const SAMPLES = 4.0;
 
@@ -68,8 +66,8 @@ fn moments_at(map: texture_2d<f32>, place: vec2f) -> vec3f {
 }
 
 // Visibility of the sun past what lies at least `bias` before a point: Chebyshev's upper bound of
-// the fraction of the filtered depths that lie behind the point (Donnelly and Lauritzen 2006, eq. 5).
-// A bound up to `bleeding` counts as full shadow.
+// the fraction of the filtered depths that lie behind the point (Donnelly and Lauritzen 2006, eq.
+// 5). A bound up to `bleeding` counts as full shadow.
 fn visibility_past(m: vec3f, depth: f32, bias: f32, bleeding: f32) -> f32 {
     let behind = depth - bias - m.x;
     if behind <= 0.0 || m.z <= 0.0 {
@@ -81,8 +79,8 @@ fn visibility_past(m: vec3f, depth: f32, bias: f32, bleeding: f32) -> f32 {
     return 1.0 - m.z * (1.0 - saturate((bound - bleeding) / (1.0 - bleeding)));
 }
 
-// Visibility of the sun. From afar the map's texels are wider than yarns: only the shadows of distant
-// cloth are taken from it, and a mean share stands for the yarns of the same cloth.
+// Visibility of the sun. From afar the map's texels are wider than yarns: only the shadows of
+// distant cloth are taken from it, and a mean share stands for the yarns of the same cloth.
 fn sun_visibility(world: vec3f) -> f32 {
     let place = view.sun_from_world * vec4f(world, 1.0);
     let m = moments_at(sun_map, place.xy);
@@ -97,20 +95,25 @@ fn sky(direction: vec3f) -> vec3f {
     return mix(view.sky_below, view.sky_above, 0.5 + 0.5 * dot(direction, view.zenith));
 }
 
-// How much deeper the layer lies a texel further across and down, mm, from its mean depths some
-// texels to both sides: the reach of their filter. Texels without yarn tell nothing.
-fn depth_slope(place: vec2f) -> vec2f {
+// How much deeper the layer lies per texel between two places of the depth map, mm. 0 where either
+// shows no yarn or both are one.
+fn depth_difference(one: vec2i, other: vec2i) -> f32 {
     let last = vec2i(textureDimensions(depth_map)) - 1;
-    let at = vec2i(place);
-    let right = vec2i(SLOPE_TEXELS, 0);
-    let down = vec2i(0, SLOPE_TEXELS);
-    let a = textureLoad(depth_map, clamp(at - right, vec2i(0), last), 0);
-    let b = textureLoad(depth_map, clamp(at + right, vec2i(0), last), 0);
-    let c = textureLoad(depth_map, clamp(at - down, vec2i(0), last), 0);
-    let d = textureLoad(depth_map, clamp(at + down, vec2i(0), last), 0);
-    let across = select(0.0, b.x - a.x, min(a.z, b.z) > 0.0);
-    let along = select(0.0, d.x - c.x, min(c.z, d.z) > 0.0);
-    return vec2f(across, along) / f32(2 * SLOPE_TEXELS);
+    let a = clamp(one, vec2i(0), last);
+    let b = clamp(other, vec2i(0), last);
+    let apart = abs(b.x - a.x) + abs(b.y - a.y);
+    let low = textureLoad(depth_map, a, 0);
+    let high = textureLoad(depth_map, b, 0);
+    let is_known = apart > 0 && min(low.z, high.z) > 0.0;
+    return select(0.0, (high.x - low.x) / f32(max(apart, 1)), is_known);
+}
+
+// How much deeper the layer lies a texel further along an axis, mm. Of both sides the flatter one
+// counts: beyond an outline there is another layer.
+fn depth_slope(at: vec2i, step: vec2i) -> f32 {
+    let before = depth_difference(at - step, at);
+    let behind = depth_difference(at, at + step);
+    return select(behind, before, abs(before) < abs(behind));
 }
 
 // Visibility of the sky at a depth, from the cloth's depths around it, or from afar by the mean.
@@ -121,14 +124,15 @@ fn sky_visibility_at(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
     let other = -before > view.layer;
     var mapped = 0.0;
     if SHAPE == RIBBON {
-        mapped = sky_visibility_of_strip(before / radius, other, m.z, cosine);
+        mapped = sky_visibility_of_ribbon(before / radius, other, m.z, cosine);
     } else {
         // A layer that is seen obliquely has other depths at each place. What is left of them
         // without its slope, along its normal, is the relief of its yarns.
+        let step = vec2i(SLOPE_TEXELS, 0);
+        let slope = vec2f(depth_slope(vec2i(place), step), depth_slope(vec2i(place), step.yx));
         let texel = view.depth_texel * select(1.0, depth, view.eye.w > 0.5);
-        let slope = depth_slope(place) / texel;
-        let steep = dot(slope, slope);
-        let spread = sqrt(max(m.y - steep * pow(FILTER_LAYERS * view.layer, 2.0), 0.0));
+        let steep = dot(slope, slope) / (texel * texel);
+        let spread = sqrt(max(m.y - dot(slope, slope) * view.depth_sigma * view.depth_sigma, 0.0));
         let per_radius = inverseSqrt(1.0 + steep) / radius;
         mapped = sky_visibility(Relief(before * per_radius, spread * per_radius, m.z), other, cosine);
     }
@@ -214,7 +218,8 @@ fn map_texel(place: vec2f, footprint: vec2f) -> Texel {
     return Texel(base.rgb, base.a, flipped, surface.y, surface.z, surface.x);
 }
 
-// The unit direction, across the yarn toward the eye, in which the tube that a strip stands for bulges.
+// The unit direction, across the yarn toward the eye, in which the tube that a strip stands for
+// bulges.
 fn front_of_strip(width: vec3f, tangent: vec3f, toward_eye: vec3f) -> vec3f {
     let front = unit(cross(width, tangent));
     return front * sign(dot(front, toward_eye));
@@ -313,7 +318,8 @@ fn discard_fuzz(in: Surface) {
 // yarn by their mean.
 struct Lit {
     @builtin(position) clip: vec4f,
-    // A pixel's centre may lie far outside of a thin strip, where extrapolated light would be a speck.
+    // A pixel's centre may lie far outside of a thin strip, where extrapolated light would be a
+    // speck.
     @location(0) @interpolate(perspective, centroid) light: vec3f,
 }
 

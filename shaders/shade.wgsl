@@ -109,8 +109,8 @@ fn sky_visibility(relief: Relief, other: bool, cosine: f32) -> f32 {
     return saturate(mix(1.0, select(level, 0.5, other), relief.cover) * (0.545 + 0.525 * cosine));
 }
 
-// The same among strips, which have no relief of their own.
-fn sky_visibility_of_strip(before: f32, other: bool, cover: f32, cosine: f32) -> f32 {
+// The same among ribbons, which have no relief of their own.
+fn sky_visibility_of_ribbon(before: f32, other: bool, cover: f32, cosine: f32) -> f32 {
     let level = select(1.0 / (1.0 + exp(-0.35 - 0.427 * before)), 0.5, other);
     return saturate(mix(1.0, level, cover) * mix(0.51, 1.2, cosine));
 }

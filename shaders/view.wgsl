@@ -38,6 +38,10 @@ struct ViewUniform {
     farness: f32,
     // Size of a texel of the eye's depth map at distance 1, mm; as `pixel`.
     depth_texel: f32,
+    // Standard deviation of that map's filter, texels.
+    depth_sigma: f32,
+    spare: f32,
+    spares: vec2f,
 }
 
 struct LookData {

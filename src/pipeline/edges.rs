@@ -1,8 +1,8 @@
 //! Finished edges of a run's pictures: which pictures have them, and the sewing thread.
 //!
-//! In: the parts of a run, a garment, and the relaxed repeat of its fabric. Out: the garment with hems
-//! and seam allowances, and its threads in a scene. Files are of the garment as it is. The window
-//! takes the same.
+//! In: the parts of a run, a garment, and the relaxed repeat of its fabric. Out: the garment with
+//! hems and seam allowances, and its threads in a scene. Files are of the garment as it is. The
+//! window takes the same, with whole threads.
 
 use std::ops::Range;
 
@@ -19,8 +19,8 @@ use crate::render::scene::{Scene, SceneStrand, YarnLook};
 /// Radius of sewing thread, mm: one of 27 tex, for light knits.
 const THREAD: f64 = 0.1;
 
-/// A part of a run as pictures with finished edges and as other files, those that there are. The flag
-/// says whether edges are finished.
+/// A part of a run as pictures with finished edges and as other files, those that there are. The
+/// flag says whether edges are finished.
 pub(super) fn divided(
     part: Shown<'_>,
     chosen: Option<EdgeFinish>,
@@ -46,8 +46,8 @@ pub fn edges_of(garment: &Garment, pattern: &Pattern, radius: f64) -> Edges {
     Edges::new(garment, Sizes { face: high + radius, back: radius - low, thread: THREAD })
 }
 
-/// Adds the look of threads to a scene of the cloth that they are sewn into: that of its front bar, at
-/// their own thickness. Without threads there is none.
+/// Adds the look of threads to a scene of the cloth that they are sewn into: that of its front bar,
+/// at their own thickness. Without threads there is none.
 pub fn add_thread_look(scene: &mut Scene, threads: &[Thread]) {
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let radius = THREAD as f32;
@@ -56,26 +56,29 @@ pub fn add_thread_look(scene: &mut Scene, threads: &[Thread]) {
     scene.looks.extend(look);
 }
 
-/// Adds threads to a scene whose last look is theirs. Where cameras see a part, the rest of a thread
-/// only casts its shadow.
+/// Adds threads to a scene whose last look is theirs. Where cameras see a part, the rest of a
+/// thread only casts its shadow.
 pub fn add_threads(scene: &mut Scene, threads: &[Thread], in_view: Option<&InView>) {
     for (number, thread) in (0..).zip(threads) {
-        let whole = 0..thread.len();
-        let seen = match in_view {
-            Some(in_view) => in_view.of_thread(thread).unwrap_or(0..0),
-            None => whole.clone(),
-        };
-        // Both parts have the points between them.
-        let before = whole.start..if seen.is_empty() { whole.end } else { seen.start };
-        let after = seen.end.saturating_sub(1)..if seen.is_empty() { 0 } else { whole.end };
-        for shadow in [before, after].into_iter().filter(|run| run.len() > 1) {
+        let seen = in_view.map_or(Some(0..thread.len()), |in_view| in_view.of_thread(thread));
+        for shadow in beside(seen.as_ref(), thread.len()) {
             add_run(scene, (number, thread), shadow).is_shadow = true;
         }
-        if !seen.is_empty() {
+        if let Some(seen) = seen {
             // Plies lie as they do in the whole thread.
             add_run(scene, (number, thread), 0..seen.end).lead = index32(seen.start);
         }
     }
+}
+
+/// The runs of a thread's points before and behind those that are seen. Neighbouring runs share a
+/// point, so that no segment is lost.
+fn beside(seen: Option<&Range<usize>>, points: usize) -> impl Iterator<Item = Range<usize>> {
+    let [before, after] = match seen {
+        Some(seen) => [0..seen.start + 1, seen.end.saturating_sub(1)..points],
+        None => [0..points, 0..0],
+    };
+    [before, after].into_iter().filter(|run| run.len() > 1)
 }
 
 /// Adds some points of a thread.
@@ -95,4 +98,26 @@ fn add_run<'a>(
     added.yarn = u32::MAX - number;
     added.first = i64::from(index32(run.start));
     added
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_segment_of_a_thread_is_seen_or_beside_what_is_seen() {
+        for points in 0..9 {
+            let ranges =
+                (0..points).flat_map(|start| (start + 1..=points).map(move |end| start..end));
+            for seen in ranges.map(Some).chain([None]) {
+                let own = seen.clone().unwrap_or(0..0);
+                let runs = beside(seen.as_ref(), points).chain([own]);
+                let mut segments: Vec<usize> = runs
+                    .flat_map(|run| run.start..run.end.saturating_sub(1).max(run.start))
+                    .collect();
+                segments.sort_unstable();
+                assert!(segments.into_iter().eq(0..usize::max(points, 1) - 1), "{points} {seen:?}");
+            }
+        }
+    }
 }

@@ -130,6 +130,8 @@ fn both_renderers_draw_the_same_weft_knits() {
         for fabric in ["jersey", "rib-2x2"] {
             let scene = cloth::swatch(&Fabric::named(fabric).unwrap(), 12, 14);
             assert!(difference(&scene, &front(&scene), fine()) < 0.06, "{fabric}");
+            let iso = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
+            assert!(difference(&scene, &iso, fine()) < 0.06, "{fabric}, obliquely");
         }
     }
 }

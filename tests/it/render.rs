@@ -186,7 +186,11 @@ fn a_round_picture_has_the_pixels_of_the_whole_one() {
     for (height, distance) in [(40.0, 90.0), (4000.0, 9000.0)] {
         let camera = facing(distance, height);
         let whole = draw(&scene, &camera, &options());
-        let round = draw(&scene, &camera, &RenderOptions { is_round: true, ..options() });
+        let is_round = RenderOptions { is_round: true, ..options() };
+        let round = draw(&scene, &camera, &is_round);
+        let rows = draw(&scene, &camera, &RenderOptions { rows: Some(30..50), ..is_round });
+        let row_bytes = SIZE as usize * 4;
+        assert!(rows.as_raw()[..] == round.as_raw()[30 * row_bytes..50 * row_bytes]);
         let middle = f64::from(SIZE) / 2.0;
         for (x, y, pixel) in whole.enumerate_pixels() {
             let [across, down] = [x, y].map(|at| f64::from(at) + 0.5 - middle);

@@ -80,7 +80,8 @@ pub enum RendererChoice {
     Cpu,
 }
 
-/// Distance of pixels' middles from a wanted place within which they matter to it, pixels.
+/// Distance of pixels' middles from the wanted disc within which they matter to it, pixels: half a
+/// pixel for its smooth rim, and the diagonal of a pixel for the filter.
 const FILTER_REACH: f32 = 2.0;
 
 /// Settings of a picture.
@@ -93,8 +94,8 @@ pub struct RenderOptions {
     /// Rows of the picture that are wanted, or all. They are the same to the byte as in the whole
     /// picture.
     pub rows: Option<Range<u32>>,
-    /// Whether only the largest disc within the picture is wanted. The processor then leaves most of
-    /// the rest empty.
+    /// Whether only the largest disc within the picture is wanted. The processor then leaves most
+    /// of the rest empty.
     pub is_round: bool,
     /// The renderer.
     pub renderer: RendererChoice,

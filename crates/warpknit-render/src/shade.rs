@@ -137,8 +137,8 @@ pub(super) struct Relief {
 ///
 /// It is a logistic curve, fitted to traced rays on twelve warp and weft knits from the front, from
 /// the back and obliquely. The fit has a root mean square error of 0.07 to 0.14 from the front and
-/// the back, and of 0.19 obliquely, where it was 0.08 to 0.22 without the deviation. Yarn of another
-/// layer, seen through a hole, has the visibility of a cloth's middle, 0.5.
+/// the back, and up to 0.19 obliquely. Without the deviation these are 0.08 to 0.22, and up to 0.23.
+/// Yarn of another layer, seen through a hole, has the visibility of a cloth's middle, 0.5.
 ///
 /// The shader draws with it. The test that compares both needs its twin.
 #[cfg(all(test, feature = "gpu"))]
@@ -150,9 +150,9 @@ pub(super) fn sky_visibility(relief: &Relief, cosine: f32) -> f32 {
     ((1.0 + cover * (level - 1.0)) * (0.545 + 0.525 * cosine)).clamp(0.0, 1.0)
 }
 
-/// The same among strips, which have no relief of their own.
+/// The same among ribbons, which have no relief of their own.
 #[cfg(all(test, feature = "gpu"))]
-pub(super) fn sky_visibility_of_strip(before: Option<f32>, cover: f32, cosine: f32) -> f32 {
+pub(super) fn sky_visibility_of_ribbon(before: Option<f32>, cover: f32, cosine: f32) -> f32 {
     let [across, facing] = SKY_FACING;
     (curve(-0.35, before, cover) * (across + facing * cosine)).clamp(0.0, 1.0)
 }

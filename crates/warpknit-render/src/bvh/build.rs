@@ -1,9 +1,9 @@
 //! Building of the hierarchy from the top down.
 //!
-//! In: the boxes of items, which are leaves, or shapes to be put into leaves. Out: [`Node`]s with up
-//! to eight children each, and the order of the items in them. A node is split in two along the plane of least cost by the surface area heuristic with
-//! bins (Wald 2007, 'On fast construction of SAH-based bounding volume hierarchies'), then the
-//! largest part again, until there are eight.
+//! In: the boxes of items, which are leaves, or shapes to be put into leaves. Out: [`Node`]s with
+//! up to eight children each, and the order of the items in them. A node is split in two along the
+//! plane of least cost by the surface area heuristic with bins (Wald 2007, 'On fast construction of
+//! SAH-based bounding volume hierarchies'), then the largest part again, until there are eight.
 //!
 //! Large parts are built in parallel. Each part depends on its own items alone, so the nodes are
 //! the same for any number of threads. Cost: n log n for n items.
@@ -97,9 +97,11 @@ struct Item {
     number: u32,
 }
 
-/// Builds the nodes over items with these boxes; the first node is the root. Leaves have up to `most`
-/// of them, one or eight. Also the items' numbers in the order in which the nodes count them.
+/// Builds the nodes over items with these boxes; the first node is the root. Leaves have up to
+/// `most` of them, one or eight. Also the items' numbers in the order in which the nodes count
+/// them.
 pub(crate) fn build(boxes: &[Box3], most: usize) -> (Vec<Node>, Vec<u32>) {
+    debug_assert!(most == 1 || most == LANES, "leaves have as many items as lanes, or one");
     let mut items: Vec<Item> =
         (0..).zip(boxes).map(|(number, &around)| Item { around, number }).collect();
     let mut nodes = Vec::new();
@@ -108,15 +110,13 @@ pub(crate) fn build(boxes: &[Box3], most: usize) -> (Vec<Node>, Vec<u32>) {
     (nodes, items.iter().map(|item| item.number).collect())
 }
 
-/// Numbers the leaves of nodes over `items` items in their order, and gives the places at which they
-/// begin, and the end of the last one.
+/// Numbers the leaves of nodes over `items` items in their order, and gives the places at which
+/// they begin, and the end of the last one.
 pub(crate) fn number_leaves(nodes: &mut [Node], items: usize) -> Vec<u32> {
-    let leaves = |node: &Node| {
-        let used = node.children.into_iter().zip(node.faces[0][0]);
-        used.filter(|(child, face)| face.is_finite() && child & LEAF != 0)
-            .map(|(child, _)| child & !LEAF)
-    };
-    let mut starts: Vec<u32> = nodes.iter().flat_map(leaves).collect();
+    // An absent child is node 0, and no leaf.
+    let children = nodes.iter().flat_map(|node| node.children);
+    let leaves = children.filter(|child| child & LEAF != 0);
+    let mut starts: Vec<u32> = leaves.map(|child| child & !LEAF).collect();
     starts.sort_unstable();
     let mut numbers = vec![0; items];
     starts.iter().zip(0..).for_each(|(&start, number)| numbers[start as usize] = number);
@@ -385,14 +385,15 @@ mod tests {
     #[test]
     fn the_tree_is_the_same_for_any_number_of_threads() {
         let boxes = boxes(40_000);
-        let by = |threads| {
+        let by = |threads, most| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let (nodes, order) = pool.install(|| build(&boxes, 1));
+            let (nodes, order) = pool.install(|| build(&boxes, most));
             let bits = |node: &Node| {
                 (node.faces.map(|pair| pair.map(|f| f.map(f32::to_bits))), node.children)
             };
             (nodes.iter().map(bits).collect::<Vec<_>>(), order)
         };
-        assert!(by(1) == by(3));
+        assert!(by(1, 1) == by(3, 1));
+        assert!(by(1, LANES) == by(3, LANES));
     }
 }

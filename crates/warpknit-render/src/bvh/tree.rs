@@ -6,7 +6,8 @@
 //! 2008, 'Getting rid of packets'; Áfra 2013, 'Faster incoherent ray traversal using 8-wide AVX
 //! instructions'). What a leaf's shapes are is up to [`Shapes`].
 //!
-//! Memory: 224 bytes a node of up to eight leaves or nodes. The result does not depend on the number
+//! Memory: 224 bytes a node of up to eight leaves or nodes, besides the leaves: 320 bytes for up to
+//! eight triangles. The result does not depend on the number
 //! of threads, nor on the processor's instructions.
 
 use glam::Vec3;
@@ -69,7 +70,7 @@ pub(crate) trait Shapes {
 /// Places in the tree that wait to be visited: the distance's bits above the child's number.
 /// Distances are not negative, so that they are ordered like their bits.
 ///
-/// The rays of a pixel share one, so that it is not cleared for each.
+/// The rays of a pixel to yarns share one, so that it is not cleared for each.
 pub(crate) struct Waiting([u64; MAX_WAITING]);
 
 impl Waiting {

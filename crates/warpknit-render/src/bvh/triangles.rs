@@ -1,8 +1,8 @@
 //! Triangles, tested eight at a time.
 //!
-//! In: a ray and a leaf of triangles in plain arrays. Out: the distances at which the ray meets them,
-//! by Möller and Trumbore (1997, 'Fast, minimum storage ray-triangle intersection'), as arranged by
-//! Perard-Gayot (2021, 'An introduction to BVHs').
+//! In: a ray and a leaf of triangles in plain arrays. Out: the distances at which the ray meets
+//! them, by Möller and Trumbore (1997, 'Fast, minimum storage ray-triangle intersection'), as
+//! arranged by Perard-Gayot (2021, 'An introduction to BVHs').
 //!
 //! Not promised: that no ray passes along the edge between two triangles.
 

@@ -16,13 +16,15 @@ use std::sync::OnceLock;
 use glam::{Mat3, Vec2, Vec3};
 
 use super::raytrace::RayTracer;
-use super::raytrace::facets::Facets;
+use super::raytrace::facets::{Facets, PARTS};
 use crate::averaged::{AveragedCloth, FLATTEST};
 use crate::light::Rig;
 
 /// Directions along a side of the grid of half of all directions: eleven degrees from one to the
 /// next.
 const SIDE: usize = 13;
+/// Neighbouring rows of directions begin with different parts of the facets.
+const _: () = assert!(SIDE % PARTS == 1, "directions around a place have all parts of the facets");
 /// Directions of a half.
 const HALF: usize = SIDE * SIDE;
 /// Directions around a direction between them.
@@ -92,7 +94,11 @@ impl<'a> Appearance<'a> {
     }
 
     fn sunlight(&self, facets: &Facets, sun: usize) -> Vec3 {
-        self.tracer.sunlight(facets, sun, &self.rig.seen_from(direction(sun), self.rig.zenith))
+        self.tracer.sunlight(
+            facets,
+            sun % PARTS,
+            &self.rig.seen_from(direction(sun), self.rig.zenith),
+        )
     }
 }
 

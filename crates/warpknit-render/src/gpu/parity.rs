@@ -159,7 +159,7 @@ fn formula(u: mat4x4f) -> vec4f {
     let relief = Relief(before, u[1].x * 5.0, u[0].z);
     let other = u[0].y > 0.8;
     let open = sky_visibility(relief, other, u[0].w);
-    return vec4f(open, sky_visibility_of_strip(before, other, u[0].z, u[0].w), 0.0, 0.0);
+    return vec4f(open, sky_visibility_of_ribbon(before, other, u[0].z, u[0].w), 0.0, 0.0);
 }";
     let inputs = random();
     let found = on_device(&gpu, shaders::YARN, formula, &inputs);
@@ -167,7 +167,7 @@ fn formula(u: mat4x4f) -> vec4f {
         let before = (u[0].y <= 0.8).then_some((u[0].x - 0.5) * 40.0);
         let relief = Relief { before, deviation: u[1].x * 5.0, cover: u[0].z };
         let open = shade::sky_visibility(&relief, u[0].w);
-        Vec4::new(open, shade::sky_visibility_of_strip(before, u[0].z, u[0].w), 0.0, 0.0)
+        Vec4::new(open, shade::sky_visibility_of_ribbon(before, u[0].z, u[0].w), 0.0, 0.0)
     };
     assert_close(&found, &inputs.iter().map(expected).collect::<Vec<_>>(), 1e-5, 0);
 }

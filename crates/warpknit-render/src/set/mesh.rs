@@ -69,7 +69,8 @@ impl Mesh {
         let corner = |vertex: u32| positions[vertex as usize];
         let is_surface = |corners: &[u32; 3]| {
             let [a, b, c] = corners.map(corner);
-            (b - a).cross(c - a).length_squared() > 0.0
+            let size = (b - a).cross(c - a).length_squared();
+            size > 0.0 && size.is_finite()
         };
         // Copies of a triangle would make the builder slow, and add nothing.
         let is_first = |corners: &[u32; 3]| {

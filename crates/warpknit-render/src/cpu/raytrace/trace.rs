@@ -1,7 +1,7 @@
 //! Rays against the yarns of a scene.
 //!
-//! In: [`Segments`]. Out: the nearest segment along a ray, or any segment that occludes it, by way of
-//! the tree in `tree`. Lanes test capsules and strips. What a strip's texture lets through is
+//! In: [`Segments`]. Out: the nearest segment along a ray, or any segment that occludes it, by way
+//! of the tree in `bvh`. Lanes test capsules and strips. What a strip's texture lets through is
 //! decided strip by strip.
 
 use std::cell::Cell;
