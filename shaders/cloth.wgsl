@@ -134,7 +134,7 @@ fn sky_visibility_at(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
         let steep = dot(slope, slope) / (texel * texel);
         let spread = sqrt(max(m.y - dot(slope, slope) * view.depth_sigma * view.depth_sigma, 0.0));
         let per_radius = inverseSqrt(1.0 + steep) / radius;
-        mapped = sky_visibility(Relief(before * per_radius, spread * per_radius, m.z), other, cosine);
+        mapped = sky_visibility(LayerRelief(before * per_radius, spread * per_radius, m.z), other, cosine);
     }
     let mean = saturate(view.near_open.x + view.near_open.y * cosine);
     return mix(mapped, mean, view.farness);

@@ -92,7 +92,7 @@ fn base_brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
 }
 
 // How a place lies among the yarns of the nearest layer, see src/render/shade.rs.
-struct Relief {
+struct LayerRelief {
     // How far before the layer's mean depth it lies, radii.
     before: f32,
     // Standard deviation of the layer's depths, radii.
@@ -103,7 +103,7 @@ struct Relief {
 
 // Visibility of the sky among neighbouring yarns: a logistic fit, see src/render/shade.rs. `other`
 // marks a yarn of another layer.
-fn sky_visibility(relief: Relief, other: bool, cosine: f32) -> f32 {
+fn sky_visibility(relief: LayerRelief, other: bool, cosine: f32) -> f32 {
     let slope = 3.722 / (relief.deviation + 2.607);
     let level = 1.0 / (1.0 + exp(0.412 * relief.deviation - 1.038 - slope * relief.before));
     return saturate(mix(1.0, select(level, 0.5, other), relief.cover) * (0.545 + 0.525 * cosine));

@@ -151,10 +151,13 @@ impl RenderOptions {
 
     /// Whether a pixel is wanted, or one next to it, whose filter reaches it.
     pub(crate) fn is_wanted(&self, pixel: [u32; 2]) -> bool {
+        if !self.is_round {
+            return true;
+        }
         let [width, height] = [self.width, self.height].map(|side| side as f32);
         let [x, y] = pixel.map(|at| at as f32 + 0.5);
         let from_middle = (x - 0.5 * width).hypot(y - 0.5 * height);
-        !self.is_round || from_middle < 0.5 * width.min(height) + FILTER_REACH
+        from_middle < 0.5 * width.min(height) + FILTER_REACH
     }
 
     /// The wanted rows, clipped to the picture.

@@ -123,7 +123,7 @@ pub(super) const LAYER_RADII: f32 = 12.0;
 /// How a place lies among the yarns of the nearest layer. Depths are those along the layer's mean
 /// normal, in radii of the place's yarn.
 #[cfg(all(test, feature = "gpu"))]
-pub(super) struct Relief {
+pub(super) struct LayerRelief {
     /// How far before the layer's mean depth it lies. `None` if it belongs to another layer.
     pub(super) before: Option<f32>,
     /// Standard deviation of the layer's depths.
@@ -142,8 +142,8 @@ pub(super) struct Relief {
 ///
 /// The shader draws with it. The test that compares both needs its twin.
 #[cfg(all(test, feature = "gpu"))]
-pub(super) fn sky_visibility(relief: &Relief, cosine: f32) -> f32 {
-    let Relief { before, deviation, cover } = *relief;
+pub(super) fn sky_visibility(relief: &LayerRelief, cosine: f32) -> f32 {
+    let LayerRelief { before, deviation, cover } = *relief;
     let slope = 3.722 / (deviation + 2.607);
     let curve = |before: f32| 1.0 / (1.0 + (0.412 * deviation - 1.038 - slope * before).exp());
     let level = before.map_or(0.5, curve);

@@ -55,11 +55,11 @@ impl TriangleLeaf {
 }
 
 /// Triangles beyond a distance.
-pub(crate) struct Triangles {
+pub(crate) struct TrianglesBeyond {
     pub(crate) least: f32,
 }
 
-impl Shapes for Triangles {
+impl Shapes for TrianglesBeyond {
     type Leaf = TriangleLeaf;
 
     #[inline(always)]
@@ -125,15 +125,15 @@ mod tests {
         })
     }
 
-    struct One<'a>(&'a TriangleLeaf, Ray);
+    struct OneLeaf<'a>(&'a TriangleLeaf, Ray);
 
-    impl Kernel for One<'_> {
+    impl Kernel for OneLeaf<'_> {
         type Output = (u32, [u32; LANES]);
 
         #[inline(always)]
         fn run<S: Eight>(self, simd: S) -> (u32, [u32; LANES]) {
             let ray = LaneRay::new(simd, self.1.origin, self.1.direction);
-            let (met, distances) = Triangles { least: 0.0 }.distances(self.0, &ray, f32::MAX);
+            let (met, distances) = TrianglesBeyond { least: 0.0 }.distances(self.0, &ray, f32::MAX);
             let of = |lane: usize| if met >> lane & 1 == 1 { distances[lane].to_bits() } else { 0 };
             (met, std::array::from_fn(of))
         }
@@ -146,7 +146,7 @@ mod tests {
         ) {
             let direction = (aim - origin).normalize_or(Vec3::X);
             let ray = Ray { origin, direction, reach: f32::INFINITY };
-            let found = tree(&[corners]).nearest(&ray, &Triangles { least: 0.0 }, &mut Waiting::new());
+            let found = tree(&[corners]).nearest(&ray, &TrianglesBeyond { least: 0.0 }, &mut Waiting::new());
             let Some((distance, weight)) = solved(&ray, corners) else { return Ok(()) };
             // On an edge, and at the ray's start, roundings decide.
             if weight.abs() > 1e-3 && distance.abs() > 1e-3 {
@@ -166,7 +166,7 @@ mod tests {
             let ray = Ray { origin, direction, reach: f32::INFINITY };
             let leaf = TriangleLeaf::new(&triangles, &[0, 1, 2, 3, 4, 5, 6, 7][..triangles.len()]);
             let [best, plain] =
-                [Instructions::best(), Instructions::plain()].map(|set| set.run(One(&leaf, ray)));
+                [Instructions::best(), Instructions::plain()].map(|set| set.run(OneLeaf(&leaf, ray)));
             prop_assert_eq!(best, plain);
             prop_assert!(best.0 >> triangles.len() == 0, "absent triangles are never met");
         }

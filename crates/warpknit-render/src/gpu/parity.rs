@@ -9,7 +9,7 @@ use wgpu::util::DeviceExt;
 
 use super::Gpu;
 use crate::ply::{self, YarnPoint};
-use crate::shade::{self, Relief, Surface, schlick_rough};
+use crate::shade::{self, LayerRelief, Surface, schlick_rough};
 use crate::sheen::Sheen;
 use crate::{Background, GpuError, tone};
 use warpknit_shaders as shaders;
@@ -156,7 +156,7 @@ fn the_open_sky_is_the_same() {
     let formula = "
 fn formula(u: mat4x4f) -> vec4f {
     let before = (u[0].x - 0.5) * 40.0;
-    let relief = Relief(before, u[1].x * 5.0, u[0].z);
+    let relief = LayerRelief(before, u[1].x * 5.0, u[0].z);
     let other = u[0].y > 0.8;
     let open = sky_visibility(relief, other, u[0].w);
     return vec4f(open, sky_visibility_of_ribbon(before, other, u[0].z, u[0].w), 0.0, 0.0);
@@ -165,7 +165,7 @@ fn formula(u: mat4x4f) -> vec4f {
     let found = on_device(&gpu, shaders::YARN, formula, &inputs);
     let expected = |u: &Input| {
         let before = (u[0].y <= 0.8).then_some((u[0].x - 0.5) * 40.0);
-        let relief = Relief { before, deviation: u[1].x * 5.0, cover: u[0].z };
+        let relief = LayerRelief { before, deviation: u[1].x * 5.0, cover: u[0].z };
         let open = shade::sky_visibility(&relief, u[0].w);
         Vec4::new(open, shade::sky_visibility_of_ribbon(before, u[0].z, u[0].w), 0.0, 0.0)
     };

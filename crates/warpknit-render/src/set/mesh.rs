@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::SKIN;
 use crate::bvh::tree::{Ray, ShapeHit, Tree, Waiting};
-use crate::bvh::triangles::{self, TriangleLeaf, Triangles};
+use crate::bvh::triangles::{self, TriangleLeaf, TrianglesBeyond};
 use crate::scene::Bounds;
 
 /// Cosine between ray and triangle from which on yarns are no deeper in its skin along the ray.
@@ -112,7 +112,7 @@ impl Mesh {
     /// The nearest triangle along a ray from `from` in the unit direction `toward`.
     pub(crate) fn nearest(&self, from: Vec3, toward: Vec3) -> Option<MeshHit> {
         let ray = Ray { origin: from, direction: toward, reach: f32::INFINITY };
-        let shapes = Triangles { least: 0.0 };
+        let shapes = TrianglesBeyond { least: 0.0 };
         let ShapeHit { shape, distance } = self.tree.nearest(&ray, &shapes, &mut Waiting::new())?;
         let triangle = shape as usize;
         let weights = barycentric(self.places(triangle), from + toward * distance);
@@ -164,7 +164,7 @@ impl Mesh {
         let [least, reach] = within;
         let ray = Ray { origin: from, direction: toward, reach };
         let mut is_clear = true;
-        self.tree.visit(&ray, &Triangles { least }, &mut Waiting::new(), |_| {
+        self.tree.visit(&ray, &TrianglesBeyond { least }, &mut Waiting::new(), |_| {
             is_clear = false;
             false
         });
@@ -183,7 +183,7 @@ impl Mesh {
     ) -> f32 {
         let ray = Ray { origin: from, direction: toward, reach: f32::INFINITY };
         let mut light = 1.0;
-        self.tree.visit(&ray, &Triangles { least }, &mut Waiting::new(), |triangle| {
+        self.tree.visit(&ray, &TrianglesBeyond { least }, &mut Waiting::new(), |triangle| {
             let triangle = triangle as usize;
             light *= passed(triangle, self.faces[triangle].dot(toward).abs());
             light >= DARK
@@ -240,7 +240,7 @@ pub(super) mod tests {
             let ray = Ray { origin: from, direction: toward, reach: f32::INFINITY };
             let alone = |triangle: usize| {
                 let tree = triangles::tree(&[mesh.places(triangle)]);
-                tree.nearest(&ray, &Triangles { least: 0.0 }, &mut Waiting::new())
+                tree.nearest(&ray, &TrianglesBeyond { least: 0.0 }, &mut Waiting::new())
             };
             let distances: Vec<f32> =
                 (0..mesh.corners.len()).filter_map(alone).map(|hit| hit.distance).collect();

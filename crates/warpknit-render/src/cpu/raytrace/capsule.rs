@@ -1,10 +1,10 @@
 //! Ray-capsule intersection, eight capsules at a time. A capsule is a sphere swept along a straight
 //! axis; yarns are chains of them.
 //!
-//! In: a ray and a [`Leaf`], up to eight consecutive capsules of one yarn in plain arrays. Out: the
-//! distances at which the ray enters them. The test solves the quadratic of the infinite cylinder,
-//! then the sphere at the nearer end if the cylinder is entered beyond an end (Ericson 2005,
-//! 'Real-Time Collision Detection', section 5.3.7).
+//! In: a ray and a [`SegmentLeaf`], up to eight consecutive capsules of one yarn in plain arrays.
+//! Out: the distances at which the ray enters them. The test solves the quadratic of the infinite
+//! cylinder, then the sphere at the nearer end if the cylinder is entered beyond an end (Ericson
+//! 2005, 'Real-Time Collision Detection', section 5.3.7).
 //!
 //! Yarns are hundredths of a millimetre thick and the eye stands metres away. In `f32`, the
 //! quadratic of such a ray would cancel all digits of the radius. So the ray's origin is first
@@ -19,7 +19,7 @@ use warpknit_core::ids::index32;
 /// Up to eight consecutive segments of one yarn.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
-pub(super) struct Leaf {
+pub(super) struct SegmentLeaf {
     /// Coordinates of the points. Each segment ends where the next one starts.
     points: [[f32; LANES + 1]; 3],
     radii: [f32; LANES],
@@ -29,14 +29,14 @@ pub(super) struct Leaf {
     used: u32,
 }
 
-impl tree::Leaf for Leaf {
+impl tree::Leaf for SegmentLeaf {
     #[inline(always)]
     fn shape(&self, lane: usize) -> u32 {
         self.first + index32(lane)
     }
 }
 
-impl Leaf {
+impl SegmentLeaf {
     /// The segments between consecutive points, at most eight. Each has the radius in `w` of its
     /// first point; `first` is that point's number.
     pub(super) fn new(points: &[Vec4], first: u32, radius: impl Fn(u32) -> f32) -> Self {
@@ -176,7 +176,7 @@ mod tests {
     use glam::{DVec3, Vec3};
     use proptest::prelude::*;
 
-    struct One<'a>(&'a Leaf, Vec3, Vec3);
+    struct One<'a>(&'a SegmentLeaf, Vec3, Vec3);
 
     impl Kernel for One<'_> {
         type Output = [f32; LANES];
@@ -196,7 +196,7 @@ mod tests {
 
     /// Distance to the capsule from `a` to `b`, which is alone in its leaf.
     fn capsule(origin: Vec3, direction: Vec3, a: Vec3, b: Vec3, radius: f32) -> f32 {
-        let leaf = Leaf::new(&[a.extend(radius), b.extend(0.0)], 0, |_| radius);
+        let leaf = SegmentLeaf::new(&[a.extend(radius), b.extend(0.0)], 0, |_| radius);
         let [distance, others @ ..] = Instructions::best().run(One(&leaf, origin, direction));
         assert_eq!(others, [f32::INFINITY; LANES - 1], "absent capsules are never hit");
         distance
@@ -293,7 +293,7 @@ mod tests {
     #[test]
     fn own_segment_and_its_neighbours_are_left_out() {
         let points: Vec<Vec4> = (0_u8..9).map(|x| Vec4::new(f32::from(x), 0.0, 0.0, 1.0)).collect();
-        let leaf = Leaf::new(&points, 100, |_| 1.0);
+        let leaf = SegmentLeaf::new(&points, 100, |_| 1.0);
         for own in 90..120_u32 {
             for lane in 0..8_u32 {
                 let other = leaf.others(own) >> lane & 1 == 1;
@@ -317,7 +317,7 @@ mod tests {
             points in prop::collection::vec(point(), 2..=9), origin in point(), aim in point(),
         ) {
             let points: Vec<Vec4> = points.iter().map(|point| point.extend(0.2)).collect();
-            let leaf = Leaf::new(&points, 0, |start| 0.1 + start as f32 * 0.05);
+            let leaf = SegmentLeaf::new(&points, 0, |start| 0.1 + start as f32 * 0.05);
             let direction = (aim - origin).normalize_or(Vec3::X);
             let [best, plain] = [Instructions::best(), Instructions::plain()]
                 .map(|set| set.run(One(&leaf, origin, direction)).map(f32::to_bits));

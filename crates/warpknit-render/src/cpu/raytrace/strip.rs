@@ -194,9 +194,9 @@ mod tests {
     use crate::bvh::lanes::{Instructions, Kernel};
 
     /// The edges of a ribbon, and a ray at it.
-    struct Ray<'a>(&'a RibbonEdges, Vec3, Vec3);
+    struct RayAtRibbon<'a>(&'a RibbonEdges, Vec3, Vec3);
 
-    impl Kernel for Ray<'_> {
+    impl Kernel for RayAtRibbon<'_> {
         type Output = [[f32; LANES]; 3];
 
         #[inline(always)]
@@ -224,7 +224,8 @@ mod tests {
 
     /// Distance, u and v of the first strip's crossing.
     fn crossing(edges: &RibbonEdges, origin: Vec3, direction: Vec3) -> Option<[f32; 3]> {
-        let crossed = Instructions::best().run(Ray(edges, origin, direction)).map(|all| all[0]);
+        let crossed =
+            Instructions::best().run(RayAtRibbon(edges, origin, direction)).map(|all| all[0]);
         crossed[0].is_finite().then_some(crossed)
     }
 
@@ -259,7 +260,8 @@ mod tests {
             {
                 let direction = (lean - Vec3::Z).normalize();
                 let origin = Vec3::new(x * 0.05, y * 0.05, 0.0) - direction * 900.0;
-                let [distances, ..] = Instructions::best().run(Ray(&edges, origin, direction));
+                let [distances, ..] =
+                    Instructions::best().run(RayAtRibbon(&edges, origin, direction));
                 assert!(distances.iter().any(|distance| distance.is_finite()), "a hole at {x} {y}");
             }
         }
@@ -271,7 +273,7 @@ mod tests {
             let ray = || (Vec3::new(x, 0.1, 5.0), Vec3::new(0.1, 0.05, -1.0).normalize());
             let with = |instructions: Instructions| {
                 let (origin, direction) = ray();
-                let [distance, u, v] = instructions.run(Ray(&strip(), origin, direction));
+                let [distance, u, v] = instructions.run(RayAtRibbon(&strip(), origin, direction));
                 [distance[0], u[0], v[0]].map(f32::to_bits)
             };
             assert_eq!(with(Instructions::best()), with(Instructions::plain()));

@@ -9,7 +9,7 @@ use std::cell::Cell;
 use glam::Vec4;
 use rayon::prelude::*;
 
-use super::capsule::Leaf;
+use super::capsule::SegmentLeaf;
 use super::ray::{Hit, SceneRay};
 use super::segments::Segments;
 use super::strip::{Across, RibbonEdges};
@@ -28,13 +28,13 @@ const NO_SEGMENT: u32 = u32::MAX / 2;
 #[derive(Debug)]
 pub(super) struct SegmentBvh<'a> {
     pub(super) segments: Segments<'a>,
-    tree: Tree<Leaf>,
+    tree: Tree<SegmentLeaf>,
 }
 
 impl<'a> SegmentBvh<'a> {
     pub(super) fn new(segments: Segments<'a>) -> Self {
         let cuts = cuts(&segments.paths.points);
-        let (leaves, boxes): (Vec<Leaf>, Vec<Box3>) =
+        let (leaves, boxes): (Vec<SegmentLeaf>, Vec<Box3>) =
             cuts.par_iter().map(|cut| (leaf(&segments, cut), leaf_box(&segments, cut))).unzip();
         drop(cuts);
         Self { tree: Tree::new(leaves, &boxes), segments }
@@ -62,7 +62,12 @@ impl<'a> SegmentBvh<'a> {
 
 impl Segments<'_> {
     /// The nearest of those segments that a tree holds.
-    fn nearest_in(&self, tree: &Tree<Leaf>, ray: &SceneRay, waiting: &mut Waiting) -> Option<Hit> {
+    fn nearest_in(
+        &self,
+        tree: &Tree<SegmentLeaf>,
+        ray: &SceneRay,
+        waiting: &mut Waiting,
+    ) -> Option<Hit> {
         let hit = match self.scene.shape {
             Shape::Tube => tree.nearest(&ray.line(), &Capsules { own: NO_SEGMENT }, waiting),
             Shape::Ribbon => tree.nearest(&ray.line(), &self.strips(ray, NO_SEGMENT), waiting),
@@ -73,7 +78,7 @@ impl Segments<'_> {
     /// Any of them that blocks the ray, as of [`SegmentBvh::occluder`].
     fn occluder_in(
         &self,
-        tree: &Tree<Leaf>,
+        tree: &Tree<SegmentLeaf>,
         ray: &SceneRay,
         own: u32,
         waiting: &mut Waiting,
@@ -108,12 +113,12 @@ struct Capsules {
 }
 
 impl Shapes for Capsules {
-    type Leaf = Leaf;
+    type Leaf = SegmentLeaf;
 
     #[inline(always)]
     fn distances<S: Eight>(
         &self,
-        leaf: &Leaf,
+        leaf: &SegmentLeaf,
         ray: &LaneRay<S>,
         limit: f32,
     ) -> (u32, [f32; LANES]) {
@@ -140,12 +145,12 @@ struct Strips<'a> {
 }
 
 impl Shapes for Strips<'_> {
-    type Leaf = Leaf;
+    type Leaf = SegmentLeaf;
 
     #[inline(always)]
     fn distances<S: Eight>(
         &self,
-        leaf: &Leaf,
+        leaf: &SegmentLeaf,
         ray: &LaneRay<S>,
         limit: f32,
     ) -> (u32, [f32; LANES]) {
@@ -256,12 +261,14 @@ fn cuts(points: &[Vec4]) -> Vec<Cut> {
 
 /// The leaf of a cut. A strip lies within the capsule around its axis, whose radius is the larger
 /// one of its ends.
-fn leaf(segments: &Segments, cut: &Cut) -> Leaf {
+fn leaf(segments: &Segments, cut: &Cut) -> SegmentLeaf {
     let points = &segments.paths.points;
     let end = cut.first as usize + cut.segments as usize;
-    Leaf::new(&points[cut.first as usize..=end], cut.first, |start| match segments.scene.shape {
-        Shape::Tube => points[start as usize].w,
-        Shape::Ribbon => segments.outer_radius(start),
+    SegmentLeaf::new(&points[cut.first as usize..=end], cut.first, |start| {
+        match segments.scene.shape {
+            Shape::Tube => points[start as usize].w,
+            Shape::Ribbon => segments.outer_radius(start),
+        }
     })
 }
 
@@ -296,13 +303,13 @@ mod tests {
     }
 
     /// A tree whose only leaf is this one, which finds what is in it without looking at boxes.
-    fn alone(bvh: &SegmentBvh<'_>, cut: &Cut) -> Tree<Leaf> {
+    fn alone(bvh: &SegmentBvh<'_>, cut: &Cut) -> Tree<SegmentLeaf> {
         let everywhere = Box3::of_point(glam::Vec3A::ZERO).grown(glam::Vec3A::splat(1e9));
         Tree::new(vec![leaf(&bvh.segments, cut)], &[everywhere])
     }
 
     /// The nearest hit, from all leaves in turn.
-    fn by_all(segments: &Segments<'_>, trees: &[Tree<Leaf>], ray: &SceneRay) -> Option<Hit> {
+    fn by_all(segments: &Segments<'_>, trees: &[Tree<SegmentLeaf>], ray: &SceneRay) -> Option<Hit> {
         trees
             .iter()
             .filter_map(|tree| segments.nearest_in(tree, ray, &mut Waiting::new()))
@@ -329,7 +336,7 @@ mod tests {
         ) {
             let scene = scene(shape, &strands);
             let bvh = bvh(&scene);
-            let trees: Vec<Tree<Leaf>> =
+            let trees: Vec<Tree<SegmentLeaf>> =
                 cuts(&bvh.segments.paths.points).iter().map(|cut| alone(&bvh, cut)).collect();
             let mut waiting = Waiting::new();
             for (origin, aim, reach) in rays {
@@ -341,7 +348,7 @@ mod tests {
                 prop_assert_eq!(hit.is_some(), unowned.is_some());
                 for own in [0, 3] {
                     let occluder = bvh.occluder(&ray, own, &mut waiting);
-                    let blocks = |tree: &Tree<Leaf>| {
+                    let blocks = |tree: &Tree<SegmentLeaf>| {
                         bvh.segments.occluder_in(tree, &ray, own, &mut Waiting::new()).is_some()
                     };
                     prop_assert_eq!(occluder.is_some(), trees.iter().any(blocks));
