@@ -7,8 +7,8 @@
 //! instructions'). What a leaf's shapes are is up to [`Shapes`].
 //!
 //! Memory: 224 bytes a node of up to eight leaves or nodes, besides the leaves: 320 bytes for up to
-//! eight triangles. The result does not depend on the number
-//! of threads, nor on the processor's instructions.
+//! eight triangles. The result does not depend on the number of threads, nor on the processor's
+//! instructions.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -38,9 +38,9 @@ pub(crate) struct Ray {
     pub(crate) reach: f32,
 }
 
-/// A shape on a ray.
+/// The nearest shape along a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ShapeHit {
+pub(crate) struct Hit {
     /// Its number.
     pub(crate) shape: u32,
     /// Distance from the ray's origin.
@@ -107,7 +107,7 @@ impl<L: Leaf> Tree<L> {
         ray: &Ray,
         shapes: &impl Shapes<Leaf = L>,
         waiting: &mut Waiting,
-    ) -> Option<ShapeHit> {
+    ) -> Option<Hit> {
         self.instructions.run(Nearest { tree: self, ray, shapes, waiting })
     }
 
@@ -200,14 +200,14 @@ struct Nearest<'a, T: Shapes> {
 }
 
 impl<T: Shapes> Kernel for Nearest<'_, T> {
-    type Output = Option<ShapeHit>;
+    type Output = Option<Hit>;
 
     #[inline(always)]
-    fn run<S: Eight>(self, simd: S) -> Option<ShapeHit> {
+    fn run<S: Eight>(self, simd: S) -> Option<Hit> {
         let Self { tree, ray, shapes, waiting: Waiting(waiting) } = self;
         let lanes = LaneRay::new(simd, ray.origin, ray.direction);
         let slabs = Slabs::new(ray, &lanes);
-        let mut hit = ShapeHit { shape: u32::MAX, distance: ray.reach };
+        let mut hit = Hit { shape: u32::MAX, distance: ray.reach };
         let (mut count, mut here) = (0, 0_u64);
         loop {
             let (_, child) = from_place(here);
@@ -250,7 +250,7 @@ impl<T: Shapes> Kernel for Nearest<'_, T> {
                     // Ties go to the first shape. Otherwise the order of traversal would decide at
                     // the joints of a yarn, and with it the picture.
                     if distance < hit.distance || (distance == hit.distance && shape < hit.shape) {
-                        hit = ShapeHit { shape, distance };
+                        hit = Hit { shape, distance };
                     }
                 }
             }

@@ -1,9 +1,7 @@
 //! Triangles that rays are tested against.
 //!
 //! In: vertices with normals, and triangles. Out: [`Mesh`], with a tree of leaves of eight triangles
-//! (`bvh`).
-//!
-//! Not promised: that no ray passes along the edge between two triangles.
+//! (`bvh`). No ray passes along the edge that two triangles share.
 
 use std::collections::HashSet;
 
@@ -11,7 +9,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::SKIN;
-use crate::bvh::tree::{Ray, ShapeHit, Tree, Waiting};
+use crate::bvh::tree::{Hit, Ray, Tree, Waiting};
 use crate::bvh::triangles::{self, TriangleLeaf, TrianglesBeyond};
 use crate::scene::Bounds;
 
@@ -112,8 +110,8 @@ impl Mesh {
     /// The nearest triangle along a ray from `from` in the unit direction `toward`.
     pub(crate) fn nearest(&self, from: Vec3, toward: Vec3) -> Option<MeshHit> {
         let ray = Ray { origin: from, direction: toward, reach: f32::INFINITY };
-        let shapes = TrianglesBeyond { least: 0.0 };
-        let ShapeHit { shape, distance } = self.tree.nearest(&ray, &shapes, &mut Waiting::new())?;
+        let shapes = TrianglesBeyond::new(0.0, toward);
+        let Hit { shape, distance } = self.tree.nearest(&ray, &shapes, &mut Waiting::new())?;
         let triangle = shape as usize;
         let weights = barycentric(self.places(triangle), from + toward * distance);
         Some(MeshHit { distance, triangle, weights })
@@ -164,7 +162,7 @@ impl Mesh {
         let [least, reach] = within;
         let ray = Ray { origin: from, direction: toward, reach };
         let mut is_clear = true;
-        self.tree.visit(&ray, &TrianglesBeyond { least }, &mut Waiting::new(), |_| {
+        self.tree.visit(&ray, &TrianglesBeyond::new(least, toward), &mut Waiting::new(), |_| {
             is_clear = false;
             false
         });
@@ -183,11 +181,16 @@ impl Mesh {
     ) -> f32 {
         let ray = Ray { origin: from, direction: toward, reach: f32::INFINITY };
         let mut light = 1.0;
-        self.tree.visit(&ray, &TrianglesBeyond { least }, &mut Waiting::new(), |triangle| {
-            let triangle = triangle as usize;
-            light *= passed(triangle, self.faces[triangle].dot(toward).abs());
-            light >= DARK
-        });
+        self.tree.visit(
+            &ray,
+            &TrianglesBeyond::new(least, toward),
+            &mut Waiting::new(),
+            |triangle| {
+                let triangle = triangle as usize;
+                light *= passed(triangle, self.faces[triangle].dot(toward).abs());
+                light >= DARK
+            },
+        );
         light
     }
 
@@ -240,7 +243,7 @@ pub(super) mod tests {
             let ray = Ray { origin: from, direction: toward, reach: f32::INFINITY };
             let alone = |triangle: usize| {
                 let tree = triangles::tree(&[mesh.places(triangle)]);
-                tree.nearest(&ray, &TrianglesBeyond { least: 0.0 }, &mut Waiting::new())
+                tree.nearest(&ray, &TrianglesBeyond::new(0.0, toward), &mut Waiting::new())
             };
             let distances: Vec<f32> =
                 (0..mesh.corners.len()).filter_map(alone).map(|hit| hit.distance).collect();

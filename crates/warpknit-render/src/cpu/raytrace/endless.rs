@@ -132,7 +132,7 @@ impl<'a> EndlessCloth<'a> {
             let within = sampler.pair(SampleDimension::Pixel, index, rays);
             let ray = self.ray([x, y], within, side);
             let Some(hit) = self.bvh.nearest(&ray, &mut waiting) else { continue };
-            let look = self.bvh.segments.look(hit.start);
+            let look = self.bvh.segments.look(hit.shape);
             let point = self.bvh.segments.point_on_tube(&ray, hit);
             let (surface, relief) = self.surface(look, &point, -ray.direction);
             let toward = cosine_direction(
@@ -141,7 +141,7 @@ impl<'a> EndlessCloth<'a> {
             );
             let is_open = point.normal.dot(toward) > 0.0 && {
                 let sky = self.sky_ray(&point, toward, look);
-                self.bvh.occluder(&sky, hit.start, &mut waiting).is_none()
+                self.bvh.occluder(&sky, hit.shape, &mut waiting).is_none()
             };
             sum.cover += 1.0;
             sum.albedo += surface.albedo;

@@ -27,7 +27,7 @@ use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, te
 use super::sample::{SampleDimension, Sampler};
 use super::splat::fit::LightSample;
 use super::{is_thin, share, to_f32};
-use crate::bvh::tree::Waiting;
+use crate::bvh::tree::{Hit, Waiting};
 use crate::light::{Rig, SKY_REACH_RADII};
 use crate::ply::{self, YarnPoint};
 use crate::scene::{Bounds, Scene, Shape, YarnLook};
@@ -35,7 +35,7 @@ use crate::set::{Mesh, SKIN};
 use crate::shade::Surface;
 use crate::sheen::Sheen;
 use crate::{Camera, RenderOptions};
-use ray::{CameraRays, Hit, SceneRay};
+use ray::{CameraRays, SceneRay};
 use segments::Segments;
 use trace::SegmentBvh;
 
@@ -210,7 +210,7 @@ impl<'a> RayTracer<'a> {
         };
         let toward_eye = -ray.direction;
         let footprint = self.eye.pixel_at(point.position);
-        let look = &scene.looks[usize::from(self.bvh.segments.look(hit.start))];
+        let look = &scene.looks[usize::from(self.bvh.segments.look(hit.shape))];
         let (mut surface, occlusion) = match scene.maps_of(look) {
             Some(maps) => {
                 let girth = look.radius * if scene.shape == Shape::Tube { TAU } else { 2.0 };
@@ -224,10 +224,10 @@ impl<'a> RayTracer<'a> {
             None => (self.untextured_surface(look, &point, toward_eye, footprint), 1.0),
         };
         surface.normal = ply::face_eye(surface.normal, toward_eye);
-        surface.albedo *= self.bvh.segments.shade(hit.start);
+        surface.albedo *= self.bvh.segments.shade(hit.shape);
         surface.sheen = lit::yarn_sheen(look, point.tangent);
         SurfaceHit {
-            start: hit.start,
+            start: hit.shape,
             position: point.position,
             smooth_normal: point.normal,
             surface,
@@ -243,12 +243,12 @@ impl<'a> RayTracer<'a> {
     /// The shading point of a hit on a ribbon.
     fn point_on_ribbon(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
         let segments = &self.bvh.segments;
-        let [u, v] = self.bvh.place_on_strip(hit.start, ray).unwrap_or([0.5; 2]);
-        let (tangent, normal) = segments.directions(hit.start, v);
+        let [u, v] = self.bvh.place_on_strip(hit.shape, ray).unwrap_or([0.5; 2]);
+        let (tangent, normal) = segments.directions(hit.shape, v);
         let front = normal.normalize_or(-ray.direction);
         // Both sides of the cloth are right sides: the back is shaded like the front.
         let normal = if front.dot(ray.direction) > 0.0 { -front } else { front };
-        let (top, along) = (front.cross(tangent).normalize_or_zero(), segments.along(hit.start, v));
+        let (top, along) = (front.cross(tangent).normalize_or_zero(), segments.along(hit.shape, v));
         ShadingPoint {
             position: ray.at(hit.distance),
             normal,

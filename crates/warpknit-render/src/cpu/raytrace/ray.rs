@@ -25,15 +25,6 @@ pub(super) struct SceneRay {
     pub(super) random_bits: u32,
 }
 
-/// The nearest segment along a ray.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Hit {
-    /// First point of the segment.
-    pub(super) start: u32,
-    /// Distance from the ray's origin.
-    pub(super) distance: f32,
-}
-
 impl SceneRay {
     /// The ray without what only pictures need.
     pub(super) fn line(&self) -> Ray {

@@ -9,9 +9,10 @@
 use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
-use super::ray::{Hit, SceneRay};
+use super::ray::SceneRay;
 use super::strip::RibbonEdges;
 use crate::bvh::build::Box3;
+use crate::bvh::tree::Hit;
 use crate::cpu::lit::ShadingPoint;
 use crate::cpu::sample::unit;
 use crate::maps::{Filter, Maps};
@@ -163,7 +164,7 @@ impl<'a> Segments<'a> {
     /// The shading point of a hit on a tube.
     pub(super) fn point_on_tube(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
         let entry = ray.at(hit.distance);
-        let axis = self.axis_point(hit.start, entry);
+        let axis = self.axis_point(hit.shape, entry);
         let outward = entry - axis.position;
         // Remove the tangential component of the capsule's normal. The result follows the smooth
         // curve and is continuous where two capsules join.

@@ -10,15 +10,13 @@
 //!   u = 1   a1 ────── b1
 //! ```
 //!
-//! Corners are projected along the ray. A ray meets the triangles around it whose corners turn about
-//! it all to one side (Woop, Benthin and Wald 2013, 'Watertight ray/triangle intersection'), from
-//! the front or from the back. The side of an edge is computed from its two corners alone, and with
-//! the opposite sign from the other strip at that edge. So no light leaks between strips.
+//! No light leaks between strips, as between any triangles that share an edge (`bvh/triangles.rs`).
 
-use glam::{Vec3, Vec3A};
+use glam::Vec3A;
 use rayon::prelude::*;
 
-use crate::bvh::lanes::{Eight, LANES, LaneRay, Lanes, Lanes3};
+use crate::bvh::lanes::{Eight, LANES, LaneRay, Lanes};
+use crate::bvh::triangles::{Across, Crossing, Projection};
 use crate::paths::YarnPaths;
 
 /// Both ends of ribbons' widths, at all points of yarns. An array for each coordinate, so that lanes
@@ -36,17 +34,6 @@ pub(super) struct StripCrossings<S> {
     pub(super) distance: Lanes<S>,
     pub(super) u: Lanes<S>,
     pub(super) v: Lanes<S>,
-}
-
-/// Directions across a ray, which span the plane that corners are projected on.
-#[derive(Clone, Copy)]
-pub(super) struct Across([Vec3; 2]);
-
-impl Across {
-    pub(super) fn new(direction: Vec3) -> Self {
-        let (right, up) = direction.any_orthonormal_pair();
-        Self([right, up])
-    }
 }
 
 impl RibbonEdges {
@@ -84,23 +71,11 @@ impl RibbonEdges {
         })
     }
 
-    /// One end of the width at eight consecutive points, projected along a ray.
+    /// Coordinates of one end of the width at eight consecutive points.
     #[inline(always)]
-    fn corners<S: Eight>(
-        &self,
-        side: usize,
-        first: u32,
-        ray: &LaneRay<S>,
-        [right, up]: [Lanes3<S>; 2],
-    ) -> Corner<S> {
+    fn eight<S: Eight>(&self, side: usize, first: u32, simd: S) -> [Lanes<S>; 3] {
         let [x, y, z] = &self.sides[side];
-        let place = Lanes3 {
-            x: eight(ray.simd, x, first),
-            y: eight(ray.simd, y, first),
-            z: eight(ray.simd, z, first),
-        };
-        let from = place - ray.origin;
-        Corner { x: from.dot(right), y: from.dot(up), distance: from.dot(ray.direction) }
+        [eight(simd, x, first), eight(simd, y, first), eight(simd, z, first)]
     }
 
     /// Where a ray crosses the eight strips that start at the points from `first` on. Some of them may
@@ -110,17 +85,20 @@ impl RibbonEdges {
         &self,
         first: u32,
         ray: &LaneRay<S>,
-        Across(across): Across,
+        across: Across,
     ) -> StripCrossings<S> {
         let simd = ray.simd;
-        let [right, up] = across;
-        let across = [Lanes3::all(simd, right.to_array()), Lanes3::all(simd, up.to_array())];
-        let (a0, b0) =
-            (self.corners(0, first, ray, across), self.corners(0, first + 1, ray, across));
-        let (a1, b1) =
-            (self.corners(1, first, ray, across), self.corners(1, first + 1, ray, across));
-        let one = Triangle::new(simd, [a0, a1, b0]);
-        let other = Triangle::new(simd, [b1, b0, a1]);
+        let projection = Projection::new(ray, across);
+        let (a0, b0) = (
+            projection.corner(self.eight(0, first, simd)),
+            projection.corner(self.eight(0, first + 1, simd)),
+        );
+        let (a1, b1) = (
+            projection.corner(self.eight(1, first, simd)),
+            projection.corner(self.eight(1, first + 1, simd)),
+        );
+        let one = Crossing::new(simd, [a0, a1, b0]);
+        let other = Crossing::new(simd, [b1, b0, a1]);
         // A strip whose ends are twisted against each other is not planar, so both triangles may be
         // crossed. The nearer crossing is visible.
         let is_other = other.distance.less_than(one.distance);
@@ -142,56 +120,11 @@ fn eight<S: Eight>(simd: S, numbers: &[f32], first: u32) -> Lanes<S> {
     Lanes::new(simd, lanes)
 }
 
-/// Corners of eight strips, projected along the ray.
-#[derive(Clone, Copy)]
-struct Corner<S> {
-    x: Lanes<S>,
-    y: Lanes<S>,
-    /// Along the ray.
-    distance: Lanes<S>,
-}
-
-impl<S: Eight> Corner<S> {
-    /// On which side of the edge from this corner to another one the ray lies, by its sign. Exactly the
-    /// opposite with the corners exchanged.
-    #[inline(always)]
-    fn side(self, other: Self) -> Lanes<S> {
-        self.x * other.y - self.y * other.x
-    }
-}
-
-/// Where a ray crosses eight triangles.
-struct Triangle<S> {
-    /// Infinite where it doesn't.
-    distance: Lanes<S>,
-    /// Barycentric coordinates of the second and of the third corner.
-    shares: [Lanes<S>; 2],
-}
-
-impl<S: Eight> Triangle<S> {
-    #[inline(always)]
-    fn new(simd: S, [a, b, c]: [Corner<S>; 3]) -> Self {
-        let zero = Lanes::all(simd, 0.0);
-        let (of_a, of_b, of_c) = (b.side(c), c.side(a), a.side(b));
-        let sum = of_a + of_b + of_c;
-        let (least, most) = (of_a.min(of_b).min(of_c), of_a.max(of_b).max(of_c));
-        let is_around = simd.or_m32s(zero.at_most(least), most.at_most(zero));
-        // A triangle without area, or one in whose plane the ray lies, is not met.
-        let is_met = simd.and_m32s(is_around, zero.less_than(sum * sum));
-        let scale = Lanes::all(simd, 1.0) / sum;
-        let distance = (of_a * a.distance + of_b * b.distance + of_c * c.distance) * scale;
-        let is_ahead = simd.and_m32s(is_met, zero.at_most(distance));
-        Self {
-            distance: distance.where_set(is_ahead, Lanes::all(simd, f32::INFINITY)),
-            shares: [of_b * scale, of_c * scale],
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::bvh::lanes::{Instructions, Kernel};
+    use glam::Vec3;
 
     /// The edges of a ribbon, and a ray at it.
     struct RayAtRibbon<'a>(&'a RibbonEdges, Vec3, Vec3);

@@ -10,12 +10,13 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 use super::capsule::SegmentLeaf;
-use super::ray::{Hit, SceneRay};
+use super::ray::SceneRay;
 use super::segments::Segments;
-use super::strip::{Across, RibbonEdges};
+use super::strip::RibbonEdges;
 use crate::bvh::build::Box3;
 use crate::bvh::lanes::{Eight, Kernel, LANES, LaneRay, Lanes};
-use crate::bvh::tree::{ShapeHit, Shapes, Tree, Waiting};
+use crate::bvh::tree::{Hit, Shapes, Tree, Waiting};
+use crate::bvh::triangles::Across;
 use crate::maps::{Filter, Maps};
 use crate::scene::Shape;
 use warpknit_core::ids::index32;
@@ -68,11 +69,10 @@ impl Segments<'_> {
         ray: &SceneRay,
         waiting: &mut Waiting,
     ) -> Option<Hit> {
-        let hit = match self.scene.shape {
+        match self.scene.shape {
             Shape::Tube => tree.nearest(&ray.line(), &Capsules { own: NO_SEGMENT }, waiting),
             Shape::Ribbon => tree.nearest(&ray.line(), &self.strips(ray, NO_SEGMENT), waiting),
-        };
-        hit.map(|ShapeHit { shape, distance }| Hit { start: shape, distance })
+        }
     }
 
     /// Any of them that blocks the ray, as of [`SegmentBvh::occluder`].
@@ -313,7 +313,7 @@ mod tests {
         trees
             .iter()
             .filter_map(|tree| segments.nearest_in(tree, ray, &mut Waiting::new()))
-            .min_by(|a, b| a.distance.total_cmp(&b.distance).then(a.start.cmp(&b.start)))
+            .min_by(|a, b| a.distance.total_cmp(&b.distance).then(a.shape.cmp(&b.shape)))
     }
 
     fn coordinate() -> impl Strategy<Value = f32> {
