@@ -40,7 +40,7 @@ impl Eight for pulp::x86::V3 {
 }
 
 /// Code that is compiled once for each set of instructions. All that it calls on lanes must be
-/// `#[inline(always)]`, or it is compiled without them.
+/// `#[inline(always)]`, or it is compiled without them. A closure cannot be.
 pub(crate) trait Kernel {
     type Output;
     fn run<S: Eight>(self, simd: S) -> Self::Output;

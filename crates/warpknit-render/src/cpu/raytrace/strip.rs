@@ -73,7 +73,7 @@ impl RibbonEdges {
 
     /// Coordinates of one end of the width at eight consecutive points.
     #[inline(always)]
-    fn eight<S: Eight>(&self, side: usize, first: u32, simd: S) -> [Lanes<S>; 3] {
+    fn coordinates<S: Eight>(&self, side: usize, first: u32, simd: S) -> [Lanes<S>; 3] {
         let [x, y, z] = &self.sides[side];
         [eight(simd, x, first), eight(simd, y, first), eight(simd, z, first)]
     }
@@ -90,12 +90,12 @@ impl RibbonEdges {
         let simd = ray.simd;
         let projection = Projection::new(ray, across);
         let (a0, b0) = (
-            projection.corner(self.eight(0, first, simd)),
-            projection.corner(self.eight(0, first + 1, simd)),
+            projection.corner(self.coordinates(0, first, simd)),
+            projection.corner(self.coordinates(0, first + 1, simd)),
         );
         let (a1, b1) = (
-            projection.corner(self.eight(1, first, simd)),
-            projection.corner(self.eight(1, first + 1, simd)),
+            projection.corner(self.coordinates(1, first, simd)),
+            projection.corner(self.coordinates(1, first + 1, simd)),
         );
         let one = Crossing::new(simd, [a0, a1, b0]);
         let other = Crossing::new(simd, [b1, b0, a1]);
