@@ -6,7 +6,7 @@
 //! it all to one side (Woop, Benthin and Wald 2013, 'Watertight ray/triangle intersection'), from
 //! the front or from the back. The side of an edge is computed from its two corners alone, and with
 //! the opposite sign from the triangle on its other side. So no ray passes between triangles that
-//! share an edge.
+//! share an edge. Triangles that it sees edge-on are left out ([`EDGE_ON`]).
 
 use glam::{Vec3, Vec3A};
 
@@ -38,12 +38,13 @@ impl Leaf for TriangleLeaf {
 
 /// The tree over triangles.
 pub(crate) fn tree(triangles: &[[Vec3; 3]]) -> Tree<TriangleLeaf> {
-    let around = |corners: &[Vec3; 3]| {
-        let points = corners.map(|corner| Box3::of_point(Vec3A::from(corner)));
-        points.into_iter().fold(Box3::EMPTY, Box3::union)
-    };
-    let boxes: Vec<Box3> = triangles.iter().map(around).collect();
+    let boxes: Vec<Box3> = triangles.iter().map(bounding_box).collect();
     Tree::of_shapes(&boxes, |numbers| TriangleLeaf::new(triangles, numbers))
+}
+
+fn bounding_box(corners: &[Vec3; 3]) -> Box3 {
+    let points = corners.map(|corner| Box3::of_point(Vec3A::from(corner)));
+    points.into_iter().fold(Box3::EMPTY, Box3::union)
 }
 
 impl TriangleLeaf {
@@ -291,11 +292,7 @@ mod tests {
         for corners in sheet() {
             let corners = corners.map(|corner| Vec3::new(corner.x, corner.y, 0.5));
             // One in fifty of a triangle's side.
-            let margin = Vec3::splat(2e-3);
-            let [low, high] = [
-                corners.into_iter().fold(Vec3::INFINITY, Vec3::min) - margin,
-                corners.into_iter().fold(Vec3::NEG_INFINITY, Vec3::max) + margin,
-            ];
+            let around = bounding_box(&corners).grown(Vec3A::splat(2e-3));
             let leaf = TriangleLeaf::new(&[corners], &[0]);
             for turn in 0..100_u8 {
                 let (sin, cos) = (f32::from(turn) * 0.1).sin_cos();
@@ -304,8 +301,9 @@ mod tests {
                 let origin = Vec3::new(0.3, 0.7, 0.5) - direction * f32::from(turn % 7) * 0.1;
                 let ray = Ray { origin, direction, reach: f32::INFINITY };
                 let (met, distances) = Instructions::best().run(OneLeaf(&leaf, ray));
-                let place = origin + direction * f32::from_bits(distances[0]);
-                assert!(met == 0 || (place.cmpge(low) & place.cmple(high)).all(), "{ray:?}");
+                let place = Vec3A::from(origin + direction * f32::from_bits(distances[0]));
+                let is_inside = place.cmpge(around.min) & place.cmple(around.max);
+                assert!(met == 0 || is_inside.all(), "{ray:?}");
             }
         }
     }
