@@ -1,12 +1,14 @@
 //! Photos of knits whose lappings are known, for recognising: drawn by our own renderer, then turned,
 //! sheared, bent, blurred, unevenly lit and full of noise.
 
-use glam::{DMat2, DVec2, DVec3, Vec3};
+use std::f32::consts::FRAC_1_PI;
+
+use glam::{DMat2, DVec2, DVec3, Vec3, Vec4};
 use image::{Rgb, RgbImage};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Count;
 use warpknit::photo::recognise::Face;
-use warpknit::render::{Background, Camera, Light, RenderOptions, cloth, render};
+use warpknit::render::{Background, Camera, Light, RenderOptions, cloth, render, tone};
 
 use super::cloth::{Random, byte, whole};
 
@@ -21,15 +23,43 @@ pub(crate) struct Taking {
     pub(crate) bend: f64,
     /// How much lighter a side is.
     pub(crate) light: f64,
-    /// Least and most light of what lies behind the cloth, 255 for white.
-    pub(crate) ground: [f64; 2],
+    pub(crate) ground: Ground,
+}
+
+/// What lies behind the cloth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Ground {
+    /// Something of this least and most light, 255 for white, however the cloth is lit.
+    Dark([f64; 2]),
+    /// Paper that reflects this least and most share of the light, in the light of the cloth.
+    Paper([f64; 2]),
+}
+
+impl Ground {
+    /// One of its colours, as the camera sees it face to face.
+    fn color(self, random: &mut Random, camera: &Camera, light: &Light) -> [u8; 3] {
+        match self {
+            Self::Dark([darkest, lightest]) => [byte(random.within(darkest, lightest)); 3],
+            Self::Paper([least, most]) => {
+                let rig = light.around(camera);
+                let normal = camera.to_world(Vec3::Z);
+                // The sky is linear in height, so that its mean over a hemisphere is that value.
+                let sky = rig.sky(normal * (2.0 / 3.0));
+                let sun = rig.sun() * normal.dot(rig.toward_sun).max(0.0) * FRAC_1_PI;
+                let reflected = (sky + sun) * random.within(least, most) as f32;
+                let [r, g, b, _] =
+                    tone::pixel(reflected.extend(1.0), Vec4::ZERO, 1.0, Background::Transparent);
+                [r, g, b]
+            }
+        }
+    }
 }
 
 /// As a person with a phone takes it who takes care.
 pub(crate) const FAIR: Taking =
-    Taking { blur: 1.0, noise: 0.05, bend: 0.0, light: 0.3, ground: [8.0, 40.0] };
+    Taking { blur: 1.0, noise: 0.05, bend: 0.0, light: 0.3, ground: Ground::Dark([8.0, 40.0]) };
 /// The same on paper.
-pub(crate) const ON_PAPER: Taking = Taking { ground: [200.0, 250.0], ..FAIR };
+pub(crate) const ON_PAPER: Taking = Taking { ground: Ground::Paper([0.75, 0.9]), ..FAIR };
 
 /// Pixels that are drawn, and pixels of the photo.
 const DRAWN: u32 = 420;
@@ -50,7 +80,7 @@ pub(crate) fn varied(fabric: &Fabric, seed: u64) -> Fabric {
 }
 
 /// A drawing of a face of a fabric, larger than the photo of it that is taken.
-fn drawn(fabric: &Fabric, face: Face, [darkest, lightest]: [f64; 2], seed: u64) -> RgbImage {
+fn drawn(fabric: &Fabric, face: Face, ground: Ground, seed: u64) -> RgbImage {
     let mut random = Random::new(seed ^ 0x5eed);
     let wale = random.within(16.0, 22.0);
     let scale = fabric.wale_spacing() / wale;
@@ -76,14 +106,15 @@ fn drawn(fabric: &Fabric, face: Face, [darkest, lightest]: [f64; 2], seed: u64) 
     );
     let turn = random.within(0.0, std::f64::consts::TAU);
     let sun = Vec3::new(0.7 * turn.cos() as f32, 0.7 * turn.sin() as f32, 0.7);
-    let background = Background::Color([byte(random.within(darkest, lightest)); 3]);
+    let light = Light { sun_direction: sun, ..Light::default() };
+    let background = Background::Color(ground.color(&mut random, &camera, &light));
     let options = RenderOptions {
         width: DRAWN,
         height: DRAWN,
         spp: 4,
         sky_rays: 4,
         background,
-        light: Light { sun_direction: sun, ..Light::default() },
+        light,
         ..RenderOptions::default()
     };
     let picture = render(&scene, &camera, &options, &|_| ()).unwrap();
