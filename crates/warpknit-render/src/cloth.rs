@@ -33,7 +33,7 @@ fn yarn_look(yarn: &Yarn, radius: f64) -> YarnLook {
     #[expect(clippy::cast_possible_truncation, reason = "a slope about 1")]
     let twist_slope = yarn.twist_slope().map(|slope| slope as f32);
     let look = YarnLook::plain(yarn.color.linear().into(), ROUGHNESS, radius);
-    YarnLook { plies: yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
+    YarnLook { plies: yarn.plies.unwrap_or(1), twist_slope, sheen, ..look }
 }
 
 /// Width and height of a fabric's repeat, mm.

@@ -50,7 +50,8 @@ pub struct YarnLook {
     /// Number of single yarns that are twisted around each other.
     pub plies: u32,
     /// Twist as a slope: circumference over the length of one turn, of the plies, or of the fibres
-    /// in a single yarn. S twist is positive, Z twist negative. `None` stands for a medium twist.
+    /// in a single yarn. S twist is positive, Z twist negative. `None` stands for a medium twist of plies, and
+    /// for hardly any in a single yarn.
     pub twist_slope: Option<f32>,
     /// Specular strength of the fibres, from 0 for dull ones to 1. See [`crate::sheen`].
     pub sheen: f32,

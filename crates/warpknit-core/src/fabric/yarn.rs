@@ -27,7 +27,7 @@ pub struct Yarn {
     /// Stretched length over relaxed length of the yarn in the cloth, where it is given, as for
     /// elastane. Count and twist are those of the relaxed yarn.
     pub draft: Option<f64>,
-    /// Single yarns that are wound around each other, where it is given.
+    /// Single yarns that are wound around each other, one where it is not given.
     pub plies: Option<u32>,
     /// Turns per metre of the plies, or of the fibres of a single yarn; over 0 is S, under 0 is Z.
     pub twist: Option<f64>,
