@@ -165,7 +165,8 @@ fn reflected_light(
     // The sky is linear in the direction's height. So its cosine-weighted mean over the hemisphere
     // is its value two thirds of the way from the horizontal to the normal.
     let visible = sky(material.normal * (2.0 / 3.0)) * mix(1.0, view.near_brightness, view.farness);
-    let above = visible * open + view.interior * (1.0 - open);
+    let gaps = view.gap_light.x + view.gap_light.y * open + view.gap_to_sun * sun_cosine;
+    let above = visible * open + view.on_cloth * gaps * (1.0 - open);
     var skylight = diffuse(material, mirrored) * above + mirrored * sky(mirror) * open;
     if SHEEN {
         skylight = skylight * sheen_base_share_under_sky(material.sheen, cosine)

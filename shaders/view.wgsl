@@ -22,8 +22,9 @@ struct ViewUniform {
     sky_below: vec3f,
     // First texel of this tile in the picture.
     corner_x: f32,
-    // Radiance of yarn that occludes the sky.
-    interior: vec3f,
+    // Radiance of white cloth that nothing hides, times the mean colour of the yarns and the traced
+    // factors of gaps.
+    on_cloth: vec3f,
     corner_y: f32,
     // Depth bias of the sun's map, mm.
     sun_bias: f32,
@@ -40,8 +41,10 @@ struct ViewUniform {
     depth_texel: f32,
     // Standard deviation of that map's filter, texels.
     depth_sigma: f32,
-    spare: f32,
-    spares: vec2f,
+    // Light of the gaps, see GapLight in light.rs: what is added where the sun stands over a place;
+    // where all of the sky is hidden, and what is added where all of it is open.
+    gap_to_sun: f32,
+    gap_light: vec2f,
 }
 
 struct LookData {

@@ -40,6 +40,8 @@ const DRIVER: f64 = 2e9;
 const SWEPT: f64 = 7000.0;
 /// Memory of a piece of yarn that rays are traced against, with its share of the tree.
 const PIECE: f64 = 75.0;
+/// Memory of the light of a tube's piece: its stretch's number, and a stretch for each piece.
+const TUBE_PIECE: f64 = 24.0;
 /// Memory of the edges of a ribbon's piece.
 const RIBBON_PIECE: f64 = 24.0;
 /// Pieces between two data points where none are merged, as a mean over bends and straight runs.
@@ -150,7 +152,7 @@ fn drawing_bytes(
     let shown = (points * step).min(0.5 * pixels * pixel);
     let bundles = bundles(fabric, fabric.radius(), FIBRE_RADIUS);
     let piece = match scene.shape {
-        Shape::Tube => PIECE,
+        Shape::Tube => PIECE + TUBE_PIECE,
         Shape::Ribbon => PIECE + RIBBON_PIECE,
     };
     PIXEL * pixels + piece * pieces + hairs::bytes(&bundles, shown, pixel)

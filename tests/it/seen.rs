@@ -2,7 +2,7 @@
 
 use std::convert::Infallible;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use image::RgbaImage;
 use warpknit::drape::{Cloth, DrapeOptions, run};
 use warpknit::fabric::Fabric;
@@ -44,9 +44,7 @@ impl Shot {
     fn compare(&self, garment: &Garment) -> Compared {
         let cloth = Cloth::cover(garment, &self.fabric).unwrap();
         let points = draped_points(garment);
-        let mut looks = looks(&self.fabric, self.fabric.radius());
-        // Of several yarns that block a ray to the sky the tracer takes the colour of any.
-        looks.iter_mut().for_each(|look| look.albedo = Vec3::splat(0.4));
+        let looks = looks(&self.fabric, self.fabric.radius());
         let empty = Scene { looks, extent: extent(&points, &cloth), ..Scene::default() };
         let [width, height] = self.size;
         let options = RenderOptions { width, height, ..RenderOptions::default() };

@@ -10,10 +10,20 @@ use crate::camera::Camera;
 use glam::{DVec3, Quat, Vec3};
 use std::f32::consts::{FRAC_1_PI, FRAC_1_SQRT_2, PI};
 
-/// Fraction of the light on the cloth that reaches the gaps between its yarns. It is an
-/// approximation of multiple reflection, which is not traced. At 0 gaps turn black; towards 1 the
-/// cloth loses its relief.
-const INTERIOR: f32 = 0.40;
+/// Light of the gaps between yarns, as fractions of the light on the cloth.
+pub(super) struct GapLight {
+    /// Where all of the sky is hidden.
+    pub(super) hidden: f32,
+    /// What is added where all of it is open.
+    pub(super) open: f32,
+    /// What is added where the sun stands over the place: the yarns around it turn their dark sides
+    /// to it.
+    pub(super) to_sun: f32,
+}
+
+/// Fitted by least squares to traced light (`cpu/raytrace/bounce.rs`) at places of ten fabrics. By fabric
+/// its mean is off by up to a sixth, for which pictures have factors (`cpu/splat/fit.rs`).
+pub(super) const GAP_LIGHT: GapLight = GapLight { hidden: 0.21, open: 0.28, to_sun: -0.11 };
 
 /// Length of sky rays, in radii of the yarn that they start from: about a wale in common fabrics.
 /// Shorter rays miss the neighbouring wale, and the cloth's relief flattens. Longer ones let
@@ -79,8 +89,8 @@ pub fn toward_sun([around, up]: [f64; 2]) -> Option<DVec3> {
 pub struct Rig {
     /// Unit vector to the sun's centre.
     pub toward_sun: Vec3,
-    /// Radiance of an occluder of white yarn nearby. Multiply it by the yarn's albedo.
-    pub interior: Vec3,
+    /// Radiance of white cloth that nothing hides: the sky's mean, and the sun's irradiance over pi.
+    pub(super) on_cloth: Vec3,
     pub(super) light: Light,
     /// Radius of the sun's disc at distance 1.
     sun_radius: f32,
@@ -100,10 +110,8 @@ impl Light {
             }
         };
         let (toward_sun, zenith) = (to_world(self.sun_direction), to_world(self.sky_direction));
-        // The sky's mean radiance, and the sun's as if spread evenly by a white diffuse surface.
-        let sky = (self.sky_above + self.sky_below) * 0.5;
-        let interior = (sky + self.sun * FRAC_1_PI) * INTERIOR;
-        Rig { toward_sun, interior, light: *self, sun_radius: self.sun_half_angle.tan(), zenith }
+        let on_cloth = (self.sky_above + self.sky_below) * 0.5 + self.sun * FRAC_1_PI;
+        Rig { toward_sun, on_cloth, light: *self, sun_radius: self.sun_half_angle.tan(), zenith }
     }
 }
 
@@ -137,6 +145,15 @@ impl Rig {
     #[must_use]
     pub fn sun(&self) -> Vec3 {
         self.light.sun
+    }
+
+    /// Radiance, on average, of white yarns that hide a part of the sky from a place of the cloth.
+    /// Multiply it by the yarns' albedo. The rest of the sky is open by a fraction `open`; the place's
+    /// normal and the direction to the sun have the cosine `sun_cosine`.
+    #[must_use]
+    pub fn gap_light(&self, open: f32, sun_cosine: f32) -> Vec3 {
+        let gap = &GAP_LIGHT;
+        self.on_cloth * (gap.hidden + gap.open * open + gap.to_sun * sun_cosine)
     }
 
     /// A uniformly distributed direction within the sun's disc, from two uniform numbers in 0..1.

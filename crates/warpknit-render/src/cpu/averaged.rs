@@ -15,8 +15,8 @@ use std::sync::OnceLock;
 
 use glam::{Mat3, Vec2, Vec3};
 
-use super::raytrace::RayTracer;
 use super::raytrace::facets::{Facets, PARTS};
+use super::raytrace::{Bounces, RayTracer};
 use crate::averaged::{AveragedCloth, FLATTEST};
 use crate::light::Rig;
 
@@ -59,8 +59,13 @@ pub(super) struct Averaged {
 
 impl<'a> Appearance<'a> {
     pub(super) fn new(cloth: &'a AveragedCloth, rig: &Rig) -> Option<Self> {
-        let tracer =
-            RayTracer::new(&cloth.piece, &cloth.piece.bounds()?, &cloth.camera, &cloth.options);
+        let tracer = RayTracer::new(
+            &cloth.piece,
+            &cloth.piece.bounds()?,
+            &cloth.camera,
+            &cloth.options,
+            Bounces::Mean,
+        );
         let views = (0..2 * HALF).map(|_| OnceLock::new()).collect();
         Some(Self { cloth, tracer, rig: *rig, views })
     }

@@ -31,9 +31,9 @@ use crate::scene::Scene;
 use crate::{Camera, RenderOptions, tone};
 use backdrop::{Backdrop, Behind};
 use film::Splats;
-use raytrace::RayTracer;
 pub(crate) use raytrace::endless;
 pub use raytrace::rays::YarnRays;
+use raytrace::{Bounces, RayTracer};
 use splat::Splatter;
 use warpknit_core::ids::index32;
 
@@ -67,9 +67,13 @@ pub fn render(
     let mut method =
         scene.bounds().map(|bounds| match Splatter::new(scene, &bounds, camera, options) {
             Some(splatter) => PictureMethod::Splatter(Box::new(splatter)),
-            None => {
-                PictureMethod::RayTracer(Box::new(RayTracer::new(scene, &bounds, camera, options)))
-            }
+            None => PictureMethod::RayTracer(Box::new(RayTracer::new(
+                scene,
+                &bounds,
+                camera,
+                options,
+                Bounces::Traced,
+            ))),
         });
     let done = AtomicU32::new(0);
     // The last two rows of a band wait for the next band, because a row needs the samples of the

@@ -7,29 +7,34 @@
 //! far pictures, from what it has drawn already.
 //!
 //! Cost: the scene's points are looked at once, and a camera takes [`MOST_TRACED`] x [`PLACES`] places of
-//! some 18 rays among a few stitches each. Not promised: the light of a single place.
+//! some 10 rays among a few stitches each. Not promised: the light of a single place.
 
 use std::ops::Range;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
-use super::raytrace::RayTracer;
+use super::raytrace::{Bounces, RayTracer};
 use super::sample::{SampleDimension, Sampler};
-use super::splat::fit::{LightSample, PART_RADII, finely};
+use super::splat::fit::{LightSample, PART_RADII, factors, finely};
 use super::to_f32;
-use crate::light::{Rig, SKY_REACH_RADII};
+use crate::light::{Light, Rig, SKY_REACH_RADII};
 use crate::scene::{Bounds, Scene, Shape, YarnLook, drawable};
 use crate::shade::SKY_FACING;
-use crate::{Camera, RenderOptions};
+use crate::{Camera, RenderOptions, View};
 
 /// Patches of a scene. With fewer, a camera that is nearer than the whole garment sees hardly any.
 const PATCHES: usize = 256;
 /// Patches that are traced for one camera. Fewer leave more noise in the means. With 24, two cores take
 /// some 20 ms, which a window spends on each frame.
 const MOST_TRACED: usize = 24;
+/// Patches whose gaps are traced. Twice as many change the factors by a hundredth.
+const GAP_PATCHES: usize = 8;
+/// Size of their pictures. They are traced as finely as the yarns ask, whatever it is.
+const GAP_PIXELS: u32 = 64;
 /// Places in each patch.
-const PLACES: u32 = 32;
+const PLACES: u32 = 64;
 /// Share of the patches by which their places are moved, in turn: the golden ratio. Places at equal
 /// distances would lie in one course of a regular cloth.
 const SHIFT: f64 = 0.618_033_988_75;
@@ -62,6 +67,8 @@ pub(crate) struct YarnPatches {
     patches: Vec<YarnPatch>,
     /// Radius of the thickest yarn, mm.
     thickest: f32,
+    /// What [`Self::gap_factors`] found last.
+    gap_factors: Mutex<Option<(Light, Vec3)>>,
 }
 
 /// The yarns around a place.
@@ -93,7 +100,7 @@ impl YarnPatches {
         let patches = middles.into_iter().zip(scenes).filter_map(|(middle, scene)| {
             Some(YarnPatch { middle, bounds: scene.bounds()?, scene })
         });
-        Self { patches: patches.collect(), thickest }
+        Self { patches: patches.collect(), thickest, gap_factors: Mutex::default() }
     }
 
     /// What a camera sees of them, where cloth further away does not hide them.
@@ -110,9 +117,51 @@ impl YarnPatches {
         let seen: Vec<&YarnPatch> = self.patches.iter().filter(in_sight).collect();
         let some = seen.par_iter().step_by(seen.len().div_ceil(MOST_TRACED).max(1));
         let sums: Vec<LightSums> =
-            some.map(|patch| patch.sums(self.thickest, camera, options)).collect();
+            some.map(|patch| patch.sums(self.thickest, camera, options, Bounces::Mean)).collect();
         // In order, so that the result does not depend on the number of threads.
         sums.into_iter().fold(LightSums::PRIOR, LightSums::with).means()
+    }
+}
+
+/// The light that yarns reflect to each other.
+impl YarnPatches {
+    /// Their light where they hide the sky, over the mean light of gaps. It is the mean of some patches
+    /// that are seen from the front, whichever the camera, so that it is found once for each light.
+    pub(crate) fn gap_factors(&self, light: &Light) -> Vec3 {
+        let known = *self.known_gaps();
+        if let Some((_, factors)) = known.filter(|(of, _)| of == light) {
+            return factors;
+        }
+        let found = self.trace_gaps(light);
+        *self.known_gaps() = Some((*light, found));
+        found
+    }
+
+    fn known_gaps(&self) -> MutexGuard<'_, Option<(Light, Vec3)>> {
+        self.gap_factors.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The same, traced.
+    fn trace_gaps(&self, light: &Light) -> Vec3 {
+        let options = RenderOptions {
+            width: GAP_PIXELS,
+            height: GAP_PIXELS,
+            light: *light,
+            ..RenderOptions::default()
+        };
+        let patches =
+            self.patches.par_iter().step_by(self.patches.len().div_ceil(GAP_PATCHES).max(1));
+        let sums: Vec<LightSums> = patches
+            .map(|patch| {
+                let around =
+                    [-1.0, 1.0].map(|side| patch.middle + side * PART_RADII * self.thickest);
+                let camera =
+                    Camera::view(View::Front, &around, Camera::DEFAULT_FOV, 1.0, options.aspect());
+                patch.sums(self.thickest, &camera, &options, Bounces::Traced)
+            })
+            .collect();
+        let sums = sums.into_iter().fold(LightSums::default(), LightSums::with);
+        factors(sums.gap, sums.mean_gap)
     }
 }
 
@@ -168,13 +217,19 @@ fn stretches(scene: &Scene, strand: usize, middles: &[Vec3], reach: f32) -> Vec<
 
 impl YarnPatch {
     /// Sums over the places of this patch that the camera sees.
-    fn sums(&self, thickest: f32, camera: &Camera, options: &RenderOptions) -> LightSums {
+    fn sums(
+        &self,
+        thickest: f32,
+        camera: &Camera,
+        options: &RenderOptions,
+        bounces: Bounces,
+    ) -> LightSums {
         let mut sums = LightSums::default();
         let middle = self.middle.as_dvec3();
         let Some(place) = camera.project(middle, options.aspect()) else { return sums };
         let pixel = camera.pixel_size(camera.eye().distance(middle), options.height);
         let (finer, fine) = finely(options, to_f32(pixel) / thickest);
-        let tracer = RayTracer::without_bounces(&self.scene, &self.bounds, camera, &fine);
+        let tracer = RayTracer::new(&self.scene, &self.bounds, camera, &fine, bounces);
         let rig = options.light.around(camera);
         let size = DVec2::new(f64::from(fine.width), f64::from(fine.height));
         let at = (place * DVec2::new(0.5, -0.5) + 0.5) * size;
@@ -217,6 +272,9 @@ struct LightSums {
     /// The sky's green light, and the same where visible sky is as bright as all of it.
     light: f32,
     unhidden: f32,
+    /// Light of the yarns that hide the sky, and the same by the mean light of gaps.
+    gap: Vec3,
+    mean_gap: Vec3,
 }
 
 impl LightSums {
@@ -232,6 +290,8 @@ impl LightSums {
         facing: PRIOR_PLACES,
         light: PRIOR_PLACES,
         unhidden: PRIOR_PLACES,
+        gap: Vec3::ZERO,
+        mean_gap: Vec3::ZERO,
     };
 
     fn add(&mut self, sample: &LightSample, rig: &Rig) {
@@ -242,6 +302,8 @@ impl LightSums {
         self.open_cosine += sample.open * sample.cosine;
         self.sun += sample.sun;
         self.facing += sample.normal.dot(rig.toward_sun).max(0.0);
+        self.gap += sample.gap;
+        self.mean_gap += sample.mean_gap;
         // Over the mean sky, so that the prior weighs as much under any light.
         let sky = rig.sky(Vec3::ZERO).y;
         if sky > 0.0 {
@@ -261,6 +323,8 @@ impl LightSums {
             facing: self.facing + other.facing,
             light: self.light + other.light,
             unhidden: self.unhidden + other.unhidden,
+            gap: self.gap + other.gap,
+            mean_gap: self.mean_gap + other.mean_gap,
         }
     }
 
@@ -334,5 +398,20 @@ mod tests {
         assert_eq!(pool.install(|| before("locknit", 1.0)), dense);
         let dim = before("locknit", 0.01);
         assert!((dim.brightness - dense.brightness).abs() < 1e-3, "{dim:?} {dense:?}");
+    }
+
+    #[test]
+    fn what_gaps_reflect_has_the_colour_of_the_cloth_once_more() {
+        let mut scene = swatch(&Fabric::named("jersey").unwrap(), 40, 40);
+        scene.looks.iter_mut().for_each(|look| look.albedo = Vec3::new(0.8, 0.4, 0.2));
+        let patches = YarnPatches::new(&scene);
+        let usual = Light::default();
+        let factors = patches.gap_factors(&usual);
+        assert!(factors.x > factors.y && factors.y > factors.z, "{factors}");
+        assert_eq!(patches.gap_factors(&usual), factors);
+        let low = Light { sun_direction: Vec3::new(-1.0, 0.0, 0.1), ..usual };
+        assert_ne!(patches.gap_factors(&low), factors);
+        assert_eq!(patches.gap_factors(&usual), factors);
+        assert_eq!(YarnPatches::new(&Scene::default()).gap_factors(&usual), Vec3::ONE);
     }
 }

@@ -123,7 +123,8 @@ fn lit_texel(maps: &SideMaps, at: usize, rig: &Rig) -> Vec4 {
     // The sky is brightest in one direction; the mean over a hemisphere follows the normal two
     // thirds as much as a single direction does.
     let sky = rig.sky(normal * (2.0 / 3.0));
-    let light = sky * open + rig.interior * surface.albedo * (1.0 - open);
+    let gaps = rig.gap_light(open, normal.dot(rig.toward_sun)) * surface.albedo;
+    let light = sky * open + gaps * (1.0 - open);
     let reflected = SkyLight { light, open }.reflected(rig, &surface, Vec3::Z)
         + sun_reflection(rig, &surface, rig.toward_sun, Vec3::Z) * open.powf(SUN_EXPONENT);
     (reflected * share(&maps.alpha)).extend(share(&maps.alpha))

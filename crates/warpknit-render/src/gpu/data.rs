@@ -1,7 +1,7 @@
 //! The shaders' structures, byte for byte as WGSL lays them out.
 //!
 //! In and out: memory only. A test reads the shaders and compares the name and offset of each
-//! field. Fields named `spare` and `spares` pad structures to WGSL's alignment.
+//! field. Fields named `spare` pad structures to WGSL's alignment.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -32,7 +32,7 @@ pub(super) struct ViewUniform {
     pub(super) depth_scale: f32,
     pub(super) sky_below: Vec3,
     pub(super) corner_x: f32,
-    pub(super) interior: Vec3,
+    pub(super) on_cloth: Vec3,
     pub(super) corner_y: f32,
     pub(super) sun_bias: f32,
     pub(super) layer: f32,
@@ -42,8 +42,8 @@ pub(super) struct ViewUniform {
     pub(super) farness: f32,
     pub(super) depth_texel: f32,
     pub(super) depth_sigma: f32,
-    pub(super) spare: f32,
-    pub(super) spares: Vec2,
+    pub(super) gap_to_sun: f32,
+    pub(super) gap_light: Vec2,
 }
 
 /// `LookData` of `shaders/view.wgsl`.
@@ -163,8 +163,8 @@ mod tests {
         let twins = [
             layout!(ViewUniform: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun,
                 tile_width, zenith, tile_height, sky_above, depth_scale, sky_below, corner_x,
-                interior, corner_y, sun_bias, layer, near_open, near_brightness,
-                near_sunshine, farness, depth_texel, depth_sigma, spare, spares),
+                on_cloth, corner_y, sun_bias, layer, near_open, near_brightness,
+                near_sunshine, farness, depth_texel, depth_sigma, gap_to_sun, gap_light),
             layout!(LookData: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope,
                 repeat, sheen, spare),
             layout!(Chunk: first, count, look, lightness, thickness),

@@ -14,6 +14,7 @@ use super::lod::{Chunks, Frustum};
 use super::pages::{ChunkBounds, Page};
 use super::tiles;
 use crate::cpu::patches::NearLight;
+use crate::light::GAP_LIGHT;
 use crate::scene::Shape;
 use crate::shade::LAYER_RADII;
 use crate::{Camera, RenderOptions};
@@ -140,7 +141,7 @@ impl FrameSetup {
             sky_above: rig.light.sky_above,
             depth_scale: depth.size[0] as f32 / options.width.max(1) as f32,
             sky_below: rig.light.sky_below,
-            interior: rig.interior * yarns.albedo,
+            on_cloth: rig.on_cloth * yarns.albedo * yarns.patches.gap_factors(&options.light),
             layer: LAYER_RADII * thinnest,
             sun_bias: (SUN_BIAS_RADII * thinnest).max(0.5 * texel),
             near_open: open.into(),
@@ -149,6 +150,8 @@ impl FrameSetup {
             farness,
             depth_texel: depth.frustum.pixel,
             depth_sigma: depth.sigma,
+            gap_light: Vec2::new(GAP_LIGHT.hidden, GAP_LIGHT.open),
+            gap_to_sun: GAP_LIGHT.to_sun,
             ..data::ViewUniform::zeroed()
         };
         let scale = texels(TEXELS_A_YARN * pixel_there / (2.0 * thinnest_yarn));

@@ -48,8 +48,8 @@ const STUDIO: Vec3 = Vec3::new(0.60, 0.60, 0.605);
 /// Distance from the cloth over which the studio's light falls to a half, in diagonals of the
 /// cloth's box: lamps light the cloth, and not the hall.
 const POOL: f32 = 3.2;
-/// Share of the light of a free surface that comes from the surfaces that hide its sky.
-const BOUNCE: f32 = 0.3;
+/// Light of the surfaces that hide the sky from a free surface, as a fraction of the light on cloth.
+const BOUNCE: f32 = 0.12;
 /// Where nothing of the studio is met, its light is that at this distance, in the same diagonals.
 const FARTHEST: f32 = 8.0;
 /// Rays to the sun from each pixel of the floor where its shadow ends.
@@ -258,7 +258,7 @@ impl<'a> Backdrop<'a> {
         let cosine = normal.dot(self.rig.toward_sun).max(0.0);
         // The sky is linear in height, see `splat/light.rs`.
         let above = self.rig.sky(normal * (2.0 / 3.0));
-        let hidden = self.rig.interior * BOUNCE;
+        let hidden = self.rig.on_cloth * BOUNCE;
         albedo * (self.rig.sun() * (cosine * sun * FRAC_1_PI) + above.lerp(hidden, 1.0 - open))
     }
 }

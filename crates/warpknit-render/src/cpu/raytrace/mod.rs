@@ -2,12 +2,14 @@
 //! goes to the sun and a few short ones into the sky (ambient occlusion).
 //!
 //! In: a scene and a camera. Out: [`RayTracer`], which adds the light of a pixel's samples to the
-//! film. A sky ray that is blocked returns the colour of the yarn that blocks it, times a constant
-//! for the light in gaps between yarns ([`Rig::interior`]). Yarns are tubes or ribbons, textured or
-//! with procedural plies.
+//! film. A sky ray that is blocked returns the light of the yarn that blocks it: for tubes what that
+//! side of it reflects (`bounce`), for ribbons the mean light of gaps between yarns
+//! ([`Rig::gap_light`]) times its colour. Yarns are tubes or ribbons, textured or with procedural
+//! plies.
 //!
-//! Not computed: further bounces of light, and light transmitted through fibres.
+//! Not computed: light transmitted through fibres.
 
+mod bounce;
 mod capsule;
 pub(crate) mod endless;
 pub(super) mod facets;
@@ -35,6 +37,7 @@ use crate::set::{Mesh, SKIN};
 use crate::shade::Surface;
 use crate::sheen::Sheen;
 use crate::{Camera, RenderOptions};
+use bounce::SideLights;
 use ray::{CameraRays, SceneRay};
 use segments::Segments;
 use trace::SegmentBvh;
@@ -49,6 +52,17 @@ pub(super) struct RayTracer<'a> {
     bvh: SegmentBvh<'a>,
     eye: CameraRays<'a>,
     rig: Rig,
+    /// The light that yarns reflect to each other, where it is traced.
+    side_lights: Option<SideLights>,
+}
+
+/// Where the light of yarns comes from that hide the sky.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Bounces {
+    /// From rays that start there.
+    Traced,
+    /// From the mean light of gaps.
+    Mean,
 }
 
 /// A yarn's surface where a ray hits it.
@@ -73,28 +87,20 @@ struct SurfaceHit {
 }
 
 impl<'a> RayTracer<'a> {
-    /// Prepares a scene that lies within `bounds`.
+    /// Prepares a scene that lies within `bounds`. Ribbons have the mean light of gaps.
     pub(super) fn new(
         scene: &'a Scene,
         bounds: &Bounds,
         camera: &'a Camera,
         options: &'a RenderOptions,
+        bounces: Bounces,
     ) -> Self {
         let segments = Segments::new(scene, bounds, camera, options);
         let eye = CameraRays::new(camera, options, segments.paths.centre, segments.bounds);
-        Self { bvh: SegmentBvh::new(segments), eye, rig: options.light.around(camera) }
-    }
-
-    /// The same where yarns in front of the sky are black.
-    pub(super) fn without_bounces(
-        scene: &'a Scene,
-        bounds: &Bounds,
-        camera: &'a Camera,
-        options: &'a RenderOptions,
-    ) -> Self {
-        let mut tracer = Self::new(scene, bounds, camera, options);
-        tracer.rig.interior = Vec3::ZERO;
-        tracer
+        let is_traced = bounces == Bounces::Traced && scene.shape == Shape::Tube;
+        let side_lights = is_traced.then(|| SideLights::new(&segments, &eye));
+        let rig = options.light.around(camera);
+        Self { bvh: SegmentBvh::new(segments), eye, rig, side_lights }
     }
 
     /// What a ray through a place of the picture meets, in pixels, and the light that arrives
@@ -108,7 +114,8 @@ impl<'a> RayTracer<'a> {
         let mut here = self.surface_hit(&ray, self.bvh.nearest(&ray, &mut waiting)?);
         // Plies tilt the normal to all sides alike.
         here.surface.normal = here.smooth_normal;
-        let sky = self.sky_light(&here, &sampler, 0, &mut waiting);
+        let sky = self.sky_rays(&here, &sampler, 0, &mut waiting);
+        let sky = sky.means(&self.rig, here.surface.normal.dot(self.rig.toward_sun));
         let toward_sun = self.rig.toward_sun;
         let cosine = here.smooth_normal.dot(toward_sun);
         let in_sun = cosine > 0.0 && {
@@ -121,7 +128,9 @@ impl<'a> RayTracer<'a> {
             cosine: here.smooth_normal.dot(here.toward_eye),
             radius: here.radius,
             open: sky.open,
-            light: sky.light.y,
+            light: sky.visible.y,
+            gap: sky.hidden,
+            mean_gap: sky.mean_hidden,
             sun: if in_sun { cosine } else { 0.0 },
         })
     }
@@ -293,7 +302,8 @@ impl<'a> RayTracer<'a> {
     /// Colour of the yarn that blocks a sky ray.
     fn occluder_albedo(&self, start: u32) -> Vec3 {
         let scene = self.bvh.segments.scene;
-        scene.albedo_of(&scene.looks[usize::from(self.bvh.segments.look(start))])
+        let look = &scene.looks[usize::from(self.bvh.segments.look(start))];
+        scene.albedo_of(look) * self.bvh.segments.shade(start)
     }
 
     /// The sun's light reflected toward the eye. One random direction within the sun's disc per
@@ -329,40 +339,143 @@ impl<'a> RayTracer<'a> {
         index: u32,
         waiting: &mut Waiting,
     ) -> SkyLight {
-        let rays = if here.thin { 1 } else { self.eye.options.sky_rays.max(1) };
-        let (mut light, mut open) = (Vec3::ZERO, 0);
-        for ray in 0..rays {
-            let places = (index * rays + ray, self.eye.options.spp.max(1) * rays);
-            let (toward, occluder) = self.sky_ray(here, (sampler, places.0, places.1), waiting);
-            // What is between the yarns in front of a body is as bright as they are.
-            let is_open = occluder.is_none() && !self.is_body_before(&here.sky_ray(toward));
-            light += if is_open {
-                self.rig.sky(toward)
-            } else {
-                self.rig.interior * self.occluder_albedo(occluder.unwrap_or(here.start))
-            };
-            open += u32::from(is_open);
-        }
-        SkyLight { light: light * share(1, rays), open: share(open, rays) }
+        let cosine = here.surface.normal.dot(self.rig.toward_sun);
+        self.sky_rays(here, sampler, index, waiting).means(&self.rig, cosine).light()
     }
 
-    /// Direction number `index` of `count` into the sky, and the first point of a segment that
-    /// blocks it.
+    /// What rays into the sky meet.
+    fn sky_rays(
+        &self,
+        here: &SurfaceHit,
+        sampler: &Sampler,
+        index: u32,
+        waiting: &mut Waiting,
+    ) -> SkyRays {
+        let count = if here.thin { 1 } else { self.eye.options.sky_rays.max(1) };
+        let mut rays = SkyRays::default();
+        for ray in 0..count {
+            let places = (index * count + ray, self.eye.options.spp.max(1) * count);
+            let (toward, block) = self.sky_ray(here, (sampler, places.0, places.1), waiting);
+            rays.add(&block, self.rig.sky(toward));
+        }
+        rays
+    }
+
+    /// Direction number `index` of `count` into the sky, and what blocks it.
     fn sky_ray(
         &self,
         here: &SurfaceHit,
         (sampler, index, count): (&Sampler, u32, u32),
         waiting: &mut Waiting,
-    ) -> (Vec3, Option<u32>) {
+    ) -> (Vec3, SkyBlock) {
         let u = sampler.pair(SampleDimension::Sky, index, count);
         // Importance sampling: the density of directions is the cosine over pi, so all rays weigh
         // the same.
         let toward = cosine_direction(here.surface.normal, u);
         // A direction below the smooth surface points into the yarn itself.
         if here.smooth_normal.dot(toward) <= 0.0 {
-            return (toward, Some(here.start));
+            return (toward, SkyBlock::Hidden { albedo: self.occluder_albedo(here.start) });
         }
-        (toward, self.bvh.occluder(&here.sky_ray(toward), here.start, waiting))
+        let ray = here.sky_ray(toward);
+        let block = match &self.side_lights {
+            // The nearest reflects its light toward the place, whichever the tree would find first.
+            Some(sides) => {
+                self.bvh.nearest_occluder(&ray, here.start, waiting).map(|hit| SkyBlock::Lit {
+                    light: self.reflected_by(sides, &ray, hit, waiting),
+                    albedo: self.occluder_albedo(hit.shape),
+                })
+            }
+            None => {
+                let occluder = self.bvh.occluder(&ray, here.start, waiting);
+                occluder.map(|start| SkyBlock::Hidden { albedo: self.occluder_albedo(start) })
+            }
+        };
+        let block = block.unwrap_or_else(|| {
+            if self.is_body_before(&ray) {
+                SkyBlock::Hidden { albedo: self.occluder_albedo(here.start) }
+            } else {
+                SkyBlock::None
+            }
+        });
+        (toward, block)
+    }
+}
+
+/// What is in front of the sky.
+enum SkyBlock {
+    None,
+    /// A yarn of this base colour with the mean light of gaps. The yarn itself stands for a body behind
+    /// it: what is between yarns is as bright as they are.
+    Hidden {
+        albedo: Vec3,
+    },
+    /// A yarn that reflects this light.
+    Lit {
+        light: Vec3,
+        albedo: Vec3,
+    },
+}
+
+/// What rays from a place into the sky meet.
+#[derive(Default)]
+struct SkyRays {
+    count: u32,
+    open: u32,
+    /// Sum of the sky's radiances.
+    sky: Vec3,
+    /// Sum of the radiances of yarns that hide it, as far as they are traced.
+    lit: Vec3,
+    /// Sums of the base colours of these yarns, and of the others.
+    lit_albedo: Vec3,
+    hidden_albedo: Vec3,
+}
+
+/// Mean radiances over the hemisphere, weighted by the cosine.
+struct SkyMeans {
+    visible: Vec3,
+    /// That of yarns that hide the sky.
+    hidden: Vec3,
+    /// The same where all of them have the mean light of gaps.
+    mean_hidden: Vec3,
+    open: f32,
+}
+
+impl SkyRays {
+    /// Adds a ray, in whose direction the sky has this radiance.
+    fn add(&mut self, block: &SkyBlock, sky: Vec3) {
+        self.count += 1;
+        match block {
+            SkyBlock::None => {
+                self.open += 1;
+                self.sky += sky;
+            }
+            SkyBlock::Hidden { albedo } => self.hidden_albedo += *albedo,
+            SkyBlock::Lit { light, albedo } => {
+                self.lit += *light;
+                self.lit_albedo += *albedo;
+            }
+        }
+    }
+
+    /// The means at a place whose normal and the sun's direction have this cosine.
+    fn means(&self, rig: &Rig, sun_cosine: f32) -> SkyMeans {
+        // The open share of the other rays: with its own, a hidden ray would count its place as more
+        // hidden than it is.
+        let others = self.count.saturating_sub(1);
+        let open = if others == 0 { 0.5 } else { share(self.open, others) };
+        let (gap, each) = (rig.gap_light(open, sun_cosine), share(1, self.count.max(1)));
+        SkyMeans {
+            visible: self.sky * each,
+            hidden: (self.lit + gap * self.hidden_albedo) * each,
+            mean_hidden: gap * (self.lit_albedo + self.hidden_albedo) * each,
+            open: self.open as f32 * each,
+        }
+    }
+}
+
+impl SkyMeans {
+    fn light(&self) -> SkyLight {
+        SkyLight { light: self.visible + self.hidden, open: self.open }
     }
 }
 

@@ -43,7 +43,17 @@ impl<'a> SegmentBvh<'a> {
 
     /// The nearest segment along `ray`.
     pub(super) fn nearest(&self, ray: &SceneRay, waiting: &mut Waiting) -> Option<Hit> {
-        self.segments.nearest_in(&self.tree, ray, waiting)
+        self.segments.nearest_in(&self.tree, ray, NO_SEGMENT, waiting)
+    }
+
+    /// The nearest of the segments of which [`Self::occluder`] finds any.
+    pub(super) fn nearest_occluder(
+        &self,
+        ray: &SceneRay,
+        own: u32,
+        waiting: &mut Waiting,
+    ) -> Option<Hit> {
+        self.segments.nearest_in(&self.tree, ray, own, waiting)
     }
 
     /// The first point of any segment that blocks the ray within its reach. Segment `own`, where
@@ -62,16 +72,17 @@ impl<'a> SegmentBvh<'a> {
 }
 
 impl Segments<'_> {
-    /// The nearest of those segments that a tree holds.
+    /// The nearest of those segments that a tree holds, without segment `own` and its neighbours.
     fn nearest_in(
         &self,
         tree: &Tree<SegmentLeaf>,
         ray: &SceneRay,
+        own: u32,
         waiting: &mut Waiting,
     ) -> Option<Hit> {
         match self.scene.shape {
-            Shape::Tube => tree.nearest(&ray.line(), &Capsules { own: NO_SEGMENT }, waiting),
-            Shape::Ribbon => tree.nearest(&ray.line(), &self.strips(ray, NO_SEGMENT), waiting),
+            Shape::Tube => tree.nearest(&ray.line(), &Capsules { own }, waiting),
+            Shape::Ribbon => tree.nearest(&ray.line(), &self.strips(ray, own), waiting),
         }
     }
 
@@ -312,7 +323,7 @@ mod tests {
     fn by_all(segments: &Segments<'_>, trees: &[Tree<SegmentLeaf>], ray: &SceneRay) -> Option<Hit> {
         trees
             .iter()
-            .filter_map(|tree| segments.nearest_in(tree, ray, &mut Waiting::new()))
+            .filter_map(|tree| segments.nearest_in(tree, ray, NO_SEGMENT, &mut Waiting::new()))
             .min_by(|a, b| a.distance.total_cmp(&b.distance).then(a.shape.cmp(&b.shape)))
     }
 

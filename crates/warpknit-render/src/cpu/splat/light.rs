@@ -253,7 +253,8 @@ impl Lights {
         // The sky is linear in the direction's height. So its cosine-weighted mean over the
         // hemisphere is its value two thirds of the way from the horizontal to the normal.
         let above = self.rig.sky(surface.normal * (2.0 / 3.0)) * self.fit.brightness();
-        let interior = self.rig.interior * surface.albedo.lerp(self.albedo, OTHERS);
-        SkyLight { light: above * open + interior * (1.0 - open), open }
+        let gaps = self.rig.gap_light(open, surface.normal.dot(self.rig.toward_sun));
+        let gaps = gaps * surface.albedo.lerp(self.albedo, OTHERS) * self.fit.gaps();
+        SkyLight { light: above * open + gaps * (1.0 - open), open }
     }
 }

@@ -267,7 +267,7 @@ fn weight_of(weights: &[[f32; NEAR]], mask: u64) -> [f32; NEAR] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::raytrace::RayTracer;
+    use crate::cpu::raytrace::{Bounces, RayTracer};
     use crate::cpu::render;
     use crate::scene::YarnLook;
     use crate::{View, cloth};
@@ -418,7 +418,7 @@ mod tests {
             // Six times as fine: in large pixels, traced bends are coarse.
             let (width, height) = (6 * SIZE, 6 * SIZE);
             let fine = RenderOptions { width, height, spp: 1, lod: false, ..options.clone() };
-            let tracer = RayTracer::new(&scene, &bounds, &camera, &fine);
+            let tracer = RayTracer::new(&scene, &bounds, &camera, &fine, Bounces::Traced);
             let traced = sums(width, |pixel, splats| tracer.pixel(pixel, &Behind::NOTHING, splats));
             let [light, cover] = [light / cover / (traced.0 / traced.1), 36.0 * cover / traced.1];
             println!("{fabric}: light {light:.3}, coverage {cover:.3}");
