@@ -23,7 +23,8 @@ use glam::{Vec3, Vec4};
 
 use super::ray::{CameraRays, SceneRay};
 use super::segments::Segments;
-use super::{ORIGIN_OFFSET, RayTracer, SkyBlock, SkyRays, cosine_direction};
+use super::sky::{SkyBlock, SkyRays};
+use super::{ORIGIN_OFFSET, RayTracer, cosine_direction};
 use crate::bvh::tree::{Hit, Waiting};
 use crate::cpu::sample::{SampleDimension, Sampler};
 use crate::cpu::share;

@@ -11,7 +11,8 @@
 use glam::{Mat3, Vec2, Vec3};
 
 use super::ray::SceneRay;
-use super::{RayTracer, SkyRays, SurfaceHit};
+use super::sky::SkyRays;
+use super::{RayTracer, SurfaceHit};
 use crate::bvh::tree::Waiting;
 use crate::cpu::lit::{SkyLight, sun_reflection};
 use crate::cpu::sample::{SampleDimension, Sampler};

@@ -16,6 +16,7 @@ pub(super) mod facets;
 mod ray;
 pub(super) mod rays;
 mod segments;
+mod sky;
 mod strip;
 mod trace;
 
@@ -28,7 +29,7 @@ use super::film::Splats;
 use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, textured_surface};
 use super::sample::{SampleDimension, Sampler};
 use super::splat::fit::LightSample;
-use super::{is_thin, share, to_f32};
+use super::{is_thin, to_f32};
 use crate::bvh::tree::{Hit, Waiting};
 use crate::light::{Rig, SKY_REACH_RADII};
 use crate::ply::{self, YarnPoint};
@@ -40,6 +41,7 @@ use crate::{Camera, RenderOptions};
 use bounce::SideLights;
 use ray::{CameraRays, SceneRay};
 use segments::Segments;
+use sky::{SkyBlock, SkyRays};
 use trace::SegmentBvh;
 
 /// Offset of secondary rays' origins above the surface, radii. Too small an offset lets a ray hit
@@ -398,84 +400,6 @@ impl<'a> RayTracer<'a> {
             }
         });
         (toward, block)
-    }
-}
-
-/// What is in front of the sky.
-enum SkyBlock {
-    None,
-    /// A yarn of this base colour with the mean light of gaps. The yarn itself stands for a body behind
-    /// it: what is between yarns is as bright as they are.
-    Hidden {
-        albedo: Vec3,
-    },
-    /// A yarn that reflects this light.
-    Lit {
-        light: Vec3,
-        albedo: Vec3,
-    },
-}
-
-/// What rays from a place into the sky meet.
-#[derive(Default)]
-struct SkyRays {
-    count: u32,
-    open: u32,
-    /// Sum of the sky's radiances.
-    sky: Vec3,
-    /// Sum of the radiances of yarns that hide it, as far as they are traced.
-    lit: Vec3,
-    /// Sums of the base colours of these yarns, and of the others.
-    lit_albedo: Vec3,
-    hidden_albedo: Vec3,
-}
-
-/// Mean radiances over the hemisphere, weighted by the cosine.
-struct SkyMeans {
-    visible: Vec3,
-    /// That of yarns that hide the sky.
-    hidden: Vec3,
-    /// The same where all of them have the mean light of gaps.
-    mean_hidden: Vec3,
-    open: f32,
-}
-
-impl SkyRays {
-    /// Adds a ray, in whose direction the sky has this radiance.
-    fn add(&mut self, block: &SkyBlock, sky: Vec3) {
-        self.count += 1;
-        match block {
-            SkyBlock::None => {
-                self.open += 1;
-                self.sky += sky;
-            }
-            SkyBlock::Hidden { albedo } => self.hidden_albedo += *albedo,
-            SkyBlock::Lit { light, albedo } => {
-                self.lit += *light;
-                self.lit_albedo += *albedo;
-            }
-        }
-    }
-
-    /// The means at a place whose normal and the sun's direction have this cosine.
-    fn means(&self, rig: &Rig, sun_cosine: f32) -> SkyMeans {
-        // The open share of the other rays: with its own, a hidden ray would count its place as more
-        // hidden than it is.
-        let others = self.count.saturating_sub(1);
-        let open = if others == 0 { 0.5 } else { share(self.open, others) };
-        let (gap, each) = (rig.gap_light(open, sun_cosine), share(1, self.count.max(1)));
-        SkyMeans {
-            visible: self.sky * each,
-            hidden: (self.lit + gap * self.hidden_albedo) * each,
-            mean_hidden: gap * (self.lit_albedo + self.hidden_albedo) * each,
-            open: self.open as f32 * each,
-        }
-    }
-}
-
-impl SkyMeans {
-    fn light(&self) -> SkyLight {
-        SkyLight { light: self.visible + self.hidden, open: self.open }
     }
 }
 
