@@ -80,10 +80,12 @@ impl Waiting {
 }
 
 impl<L: Leaf> Tree<L> {
-    /// Builds the tree over leaves with these boxes.
-    pub(crate) fn new(leaves: Vec<L>, boxes: &[Box3]) -> Self {
-        let (nodes, order) = build(boxes, 1);
-        let leaves = order.par_iter().map(|&leaf| leaves[leaf as usize]).collect();
+    /// Builds the tree over leaves with these boxes. `leaf` makes one of them. It is asked in the
+    /// tree's order and when the boxes are gone, so that no leaf is in memory twice.
+    pub(crate) fn of_leaves(boxes: Vec<Box3>, leaf: impl Fn(u32) -> L + Sync) -> Self {
+        let (nodes, order) = build(&boxes, 1);
+        drop(boxes);
+        let leaves = order.par_iter().map(|&number| leaf(number)).collect();
         Self { nodes, leaves, instructions: Instructions::best() }
     }
 

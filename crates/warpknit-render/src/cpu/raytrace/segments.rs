@@ -28,7 +28,7 @@ const BOX_PADDING: f32 = 1e-6;
 const RADIUS_MARGIN: f32 = 1.001;
 /// Strands that are subdivided before their paths are appended to the others. Only one batch exists
 /// twice in memory.
-const BATCH: usize = 512;
+const BATCH: usize = 128;
 /// Difference of the integers whose hashes are a series of random numbers: odd, so that none comes
 /// twice, and with its bits mixed.
 const RANDOM_STEP: u32 = 0x9E37_79B9;

@@ -35,10 +35,9 @@ pub(super) struct SegmentBvh<'a> {
 impl<'a> SegmentBvh<'a> {
     pub(super) fn new(segments: Segments<'a>) -> Self {
         let cuts = cuts(&segments.paths.points);
-        let (leaves, boxes): (Vec<SegmentLeaf>, Vec<Box3>) =
-            cuts.par_iter().map(|cut| (leaf(&segments, cut), leaf_box(&segments, cut))).unzip();
-        drop(cuts);
-        Self { tree: Tree::new(leaves, &boxes), segments }
+        let boxes = cuts.par_iter().map(|cut| leaf_box(&segments, cut)).collect();
+        let tree = Tree::of_leaves(boxes, |number| leaf(&segments, &cuts[number as usize]));
+        Self { tree, segments }
     }
 
     /// The nearest segment along `ray`.
@@ -316,7 +315,7 @@ mod tests {
     /// A tree whose only leaf is this one, which finds what is in it without looking at boxes.
     fn alone(bvh: &SegmentBvh<'_>, cut: &Cut) -> Tree<SegmentLeaf> {
         let everywhere = Box3::of_point(glam::Vec3A::ZERO).grown(glam::Vec3A::splat(1e9));
-        Tree::new(vec![leaf(&bvh.segments, cut)], &[everywhere])
+        Tree::of_leaves(vec![everywhere], |_| leaf(&bvh.segments, cut))
     }
 
     /// The nearest hit, from all leaves in turn.
