@@ -14,7 +14,7 @@ use crate::export::Format;
 use crate::garment::Garment;
 use crate::ids::index32;
 use crate::knit::Pattern;
-use crate::render::scene::{Scene, SceneStrand, YarnLook};
+use crate::render::scene::{Scene, SceneStrand, YarnKind, YarnLook};
 
 /// Radius of sewing thread, mm: one of 27 tex, for light knits.
 const THREAD: f64 = 0.1;
@@ -52,7 +52,8 @@ pub fn add_thread_look(scene: &mut Scene, threads: &[Thread]) {
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let radius = THREAD as f32;
     let front = scene.looks.first().filter(|_| !threads.is_empty());
-    let look = front.map(|front| YarnLook { radius, plies: 3, maps: None, ..*front });
+    let kind = YarnKind::SewingThread;
+    let look = front.map(|front| YarnLook { radius, plies: 3, maps: None, kind, ..*front });
     scene.looks.extend(look);
 }
 

@@ -12,7 +12,7 @@ use crate::export::Format;
 use crate::fabric::Fabric;
 use crate::garment::Garment;
 use crate::ids::index32;
-use crate::render::scene::{Bounds, Scene, Shape};
+use crate::render::scene::{Bounds, Scene, Shape, YarnKind, YarnLook};
 use crate::render::{Camera, RenderOptions, RendererChoice, hairs};
 use crate::system::address_space_gb;
 use crate::yarn::fibres::FIBRE_RADIUS;
@@ -159,15 +159,20 @@ fn drawing_bytes(
 }
 
 /// Whether the processor draws all these pictures of a scene within `extent` without noise, as
-/// coverage masks: of tubes narrower than two pixels, or than one with textures.
+/// coverage masks: of tubes narrower than two pixels, or than one with textures. Sewing thread may be
+/// thicker.
 pub(super) fn has_masks(
     scene: &Scene,
     extent: Option<Bounds>,
     cameras: &[Camera],
     options: &RenderOptions,
 ) -> bool {
-    let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
-    let least = f64::from(scene.mask_radii()) * thickest;
+    let thickest = |is_wanted: fn(&&YarnLook) -> bool| {
+        let looks = scene.looks.iter().filter(is_wanted);
+        looks.map(|look| look.radius).fold(0.0, f32::max)
+    };
+    let yarn = thickest(|look| look.kind == YarnKind::Yarn);
+    let least = f64::from(scene.mask_pixel(yarn, thickest(|_| true)));
     options.lod && scene.shape == Shape::Tube && smallest_pixel(extent, cameras, options) > least
 }
 

@@ -12,7 +12,7 @@ use warpknit_core::number::narrow;
 use warpknit_core::yarn::fibres::{Axis, Bundle, FIBRE_RADIUS, for_each_fibre};
 
 use crate::Camera;
-use crate::scene::{Scene, SceneStrand, YarnLook};
+use crate::scene::{Scene, SceneStrand, YarnKind, YarnLook};
 
 /// Width of a yarn in pixels from which on it is drawn as fibres. A picture at this width shows
 /// single fibres; far below it they would be thinner than a pixel.
@@ -172,7 +172,7 @@ pub(crate) fn fibre_look(yarn: &YarnLook, radius: f64) -> YarnLook {
         plies: 1,
         twist_slope: Some(0.0),
         maps: None,
-        is_fibre: true,
+        kind: YarnKind::Fibre,
         ..*yarn
     }
 }

@@ -150,16 +150,7 @@ impl YarnPaths {
         along: f64,
         subdivision: Subdivision<'_>,
     ) -> f64 {
-        let mut builder = PathBuilder {
-            paths: self,
-            run,
-            style,
-            cached: (usize::MAX, None),
-            frame: TangentFrame::default(),
-            reached: 0,
-            along,
-            drawn: 0,
-        };
+        let mut builder = PathBuilder::new(self, run, style, along);
         match subdivision {
             Subdivision::Picture(camera, options) => builder.subdivide_spans(camera, options),
             Subdivision::Stitch(st) => builder.subdivide_stitches(st),
@@ -185,7 +176,7 @@ struct PathStyle {
     look: u16,
     shade: u8,
     shape: Shape,
-    /// How many of its first points need not be drawn.
+    /// How many of its first points are not drawn. They tell where plies lie in the others.
     lead: usize,
     /// Size of a pixel for which it is subdivided at least, mm.
     coarsest: f64,
@@ -257,7 +248,7 @@ impl PointRun {
             if spans > 1 && (arc > MAX_WIDENING * length || bulge.length() > MAX_BULGE * pixel) {
                 break;
             }
-            found = MergedSpans { spans, length, arc, bulge };
+            found = MergedSpans { spans, length, arc, bulge, tangent: span.tangent(1.0) };
             if length >= pixel {
                 break;
             }
@@ -277,6 +268,8 @@ struct MergedSpans {
     arc: f64,
     /// Vector from the chord's midpoint to the curve's mean position.
     bulge: DVec3,
+    /// Derivative of the curve at the end.
+    tangent: DVec3,
 }
 
 /// State while a run is appended to [`YarnPaths`].
@@ -286,16 +279,25 @@ struct PathBuilder<'a> {
     style: PathStyle,
     /// The span that was computed last, with its index. Consecutive points mostly share a span.
     cached: (usize, Option<Span>),
-    frame: TangentFrame,
-    /// A point of the run, and the arc length up to it. Lengths are those of spans and not of pieces,
-    /// so that plies and textures lie where they do at any subdivision.
+    /// A point of the run, the arc length up to it and the frame there. Both advance by spans and not
+    /// by pieces, so that plies and textures lie where they do at any subdivision.
     reached: usize,
     along: f64,
+    frame: TangentFrame,
     /// Number of points that were appended.
     drawn: usize,
 }
 
-impl PathBuilder<'_> {
+impl<'a> PathBuilder<'a> {
+    /// At the start of a run whose arc length begins with `along`.
+    fn new(paths: &'a mut YarnPaths, run: &'a PointRun, style: PathStyle, along: f64) -> Self {
+        let (cached, frame) = ((usize::MAX, None), TangentFrame::default());
+        let mut builder = Self { paths, run, style, cached, reached: 0, along, frame, drawn: 0 };
+        let start = builder.span(0).tangent(0.0);
+        builder.advance_frame(0, start);
+        builder
+    }
+
     /// Subdivides spans adaptively, and merges those that are shorter than a pixel.
     fn subdivide_spans(&mut self, camera: &Camera, options: &RenderOptions) {
         let eye = camera.eye() - self.paths.centre;
@@ -305,7 +307,7 @@ impl PathBuilder<'_> {
             pixel.max(coarsest.min(SHADOW_PIXELS * pixel))
         };
         let last = self.run.points.len() - 1;
-        let mut index = 0;
+        let mut index = self.style.lead.min(last);
         let mut bulge = DVec3::ZERO;
         while index < last {
             let far = if options.lod {
@@ -345,6 +347,7 @@ impl PathBuilder<'_> {
         }
         self.reached += chord.spans;
         self.along += chord.arc;
+        self.advance_frame(self.reached, chord.tangent);
     }
 
     /// Subdivides each stitch into `st` pieces.
@@ -379,40 +382,53 @@ impl PathBuilder<'_> {
         }
     }
 
-    /// Advances the arc length to point `index`.
+    /// Advances the arc length and the frame to point `index`.
     fn reach(&mut self, index: usize) {
         while self.reached < index {
-            self.along += self.span(self.reached).length();
+            let span = self.span(self.reached);
+            self.along += span.length();
             self.reached += 1;
+            self.advance_frame(self.reached, span.tangent(1.0));
         }
     }
 
-    /// Appends the point at parameter `t` of the span after point `index`. In the lead only the frame
-    /// and the length advance.
+    /// Advances the frame to point `index`, where the curve has this derivative.
+    fn advance_frame(&mut self, index: usize, derivative: DVec3) {
+        self.frame.advance(self.run.points[index], derivative);
+        if self.style.shape == Shape::Ribbon {
+            self.frame.ribbon_normal(self.run.normals[index]);
+        }
+    }
+
+    /// Appends the point at parameter `t` of the span after point `index`. None is appended in the
+    /// lead.
     fn push_point(&mut self, index: usize, t: f64) {
+        if index < self.style.lead {
+            return;
+        }
         self.reach(index);
         let span = self.span(index);
         let position = span.at(t);
-        self.frame.advance(position, span.tangent(t));
-        if index < self.style.lead {
-            return;
+        // A last span that was merged has been passed already.
+        let is_within = index == self.reached;
+        let mut frame = self.frame;
+        if is_within && t > 0.0 {
+            frame.advance(position, span.tangent(t));
         }
         self.drawn += 1;
         #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
         let share = t as f32;
         let across = match self.style.shape {
-            Shape::Tube => self.frame.across,
-            Shape::Ribbon => self
-                .frame
+            Shape::Tube => frame.across,
+            Shape::Ribbon => frame
                 .ribbon_normal(self.run.normals[index].lerp(self.run.normals[index + 1], share)),
         };
         let [start, end] = [self.run.thickness[index], self.run.thickness[index + 1]];
         let radius = self.style.radius * (start + (end - start) * share);
         self.paths.points.push(position.as_vec3().extend(radius));
-        self.paths.tangents.push(PackedUnit::new(self.frame.tangent.into()));
+        self.paths.tangents.push(PackedUnit::new(frame.tangent.into()));
         self.paths.across.push(PackedUnit::new(across.into()));
-        // A last span that was merged has been passed already.
-        let within = if index < self.reached { 0.0 } else { span.length_to(t) };
+        let within = if is_within { span.length_to(t) } else { 0.0 };
         #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
         self.paths.along.push((self.along + within) as f32);
         self.paths.looks.push(self.style.look);
@@ -447,7 +463,7 @@ pub(super) fn phase(strand: u32) -> f64 {
 }
 
 /// A rotation-minimising frame that moves along a yarn.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct TangentFrame {
     position: DVec3,
     pub(super) tangent: Vec3A,
@@ -486,7 +502,7 @@ impl TangentFrame {
             self.across = frame::perpendicular_unit(normal, self.tangent);
             return normal;
         }
-        // Here `across` is the last normal as `carry` transported it.
+        // Here `across` is the last normal as `advance` transported it.
         normal + self.across * (10.0 * MIN_SINE)
     }
 }

@@ -23,6 +23,9 @@ pub const MAX_COORDINATE: f32 = 1e7;
 /// Spans that count as a stitch in strands without any. The graphics card divides each stitch into as many
 /// pieces, and a knitted stitch has about as many spans.
 const STITCH_SPANS: u32 = 10;
+/// Radius of sewing thread, pixels, up to which it does not decide against coverage masks. Thicker
+/// thread would show that masks have straight pieces.
+const MASKED_THREAD: f32 = 4.0;
 
 /// Whether renderers accept `point` as a point of a yarn: finite, and not beyond
 /// [`MAX_COORDINATE`].
@@ -58,8 +61,20 @@ pub struct YarnLook {
     /// Index of its textures in [`Scene::maps`]. A yarn without textures gets procedural plies and
     /// fibres.
     pub maps: Option<u16>,
-    /// Whether it is a single fibre, which has no thick and thin places.
-    pub is_fibre: bool,
+    /// What it is a look of.
+    pub kind: YarnKind,
+}
+
+/// What a look belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum YarnKind {
+    /// A yarn of the cloth.
+    Yarn,
+    /// A single fibre or hair of one, which has no thick and thin places.
+    Fibre,
+    /// The thread with which edges are sewn. There is little of it, so it does not decide how cloth is
+    /// drawn.
+    SewingThread,
 }
 
 impl YarnLook {
@@ -75,7 +90,7 @@ impl YarnLook {
             twist_slope: None,
             sheen: 0.0,
             maps: None,
-            is_fibre: false,
+            kind: YarnKind::Yarn,
         }
     }
 }
@@ -279,11 +294,11 @@ impl Scene {
         self.maps.get(usize::from(look.maps?))
     }
 
-    /// Whether pixels of this size, mm, show how any yarn is turned about its axis: by its plies, its
-    /// fibres or its textures.
+    /// Whether pixels of this size, mm, show how any yarn of the cloth is turned about its axis: by its
+    /// plies, its fibres or its textures.
     #[must_use]
     pub fn shows_turns(&self, pixel: f64) -> bool {
-        self.looks.iter().any(|look| {
+        self.looks.iter().filter(|look| look.kind != YarnKind::SewingThread).any(|look| {
             look.maps.is_some() || pixel < f64::from(ply::coarsest_detail(look.plies, look.radius))
         })
     }
@@ -294,12 +309,13 @@ impl Scene {
         self.maps_of(look).map_or(look.albedo, Maps::mean_albedo)
     }
 
-    /// Radii of the thickest yarn in a pixel above which the processor draws yarns as coverage masks:
-    /// yarns up to two pixels wide, whose bends no pixel shows. With textures it is yarns up to a
-    /// pixel wide, because places around a yarn are left out there.
+    /// Size of a pixel above which the processor draws yarns as coverage masks, mm, where the cloth's
+    /// thickest yarn and the thickest of all strands have these radii. Then the cloth's yarns are up to
+    /// two pixels wide, and no pixel shows their bends. With textures they are up to a pixel wide,
+    /// because places around a yarn are left out there.
     #[must_use]
-    pub fn mask_radii(&self) -> f32 {
-        if self.maps.is_empty() { 1.0 } else { 2.0 }
+    pub fn mask_pixel(&self, yarn: f32, any: f32) -> f32 {
+        yarn.max(any / MASKED_THREAD) * if self.maps.is_empty() { 1.0 } else { 2.0 }
     }
 
     /// Mean colour of all yarns, weighted by their data points. Light that is reflected between
@@ -322,11 +338,11 @@ impl Scene {
         self.radii_where(|_| true)
     }
 
-    /// As [`Scene::radii`], of yarns that are no fibre or hair.
+    /// As [`Scene::radii`], of the cloth's yarns. Of all strands where none is one.
     #[must_use]
-    #[cfg(feature = "gpu")]
     pub(crate) fn yarn_radii(&self) -> (f32, f32) {
-        self.radii_where(|look| !look.is_fibre)
+        let (thinnest, thickest) = self.radii_where(|look| look.kind == YarnKind::Yarn);
+        if thickest > 0.0 { (thinnest, thickest) } else { self.radii() }
     }
 
     fn radii_where(&self, is_wanted: impl Fn(&YarnLook) -> bool) -> (f32, f32) {
@@ -373,7 +389,7 @@ impl Scene {
     pub fn thickness(&self, strand: &SceneStrand, point: u32) -> f32 {
         match self.evenness {
             Evenness::Regular => 1.0,
-            Evenness::Uneven if self.looks[usize::from(strand.look)].is_fibre => 1.0,
+            Evenness::Uneven if self.looks[usize::from(strand.look)].kind == YarnKind::Fibre => 1.0,
             Evenness::Uneven => {
                 let along = strand.first + i64::from(point) - i64::from(strand.points.start);
                 evenness::thickness(YarnId(strand.yarn), along)

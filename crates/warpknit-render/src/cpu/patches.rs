@@ -65,7 +65,7 @@ impl Default for NearLight {
 #[derive(Debug)]
 pub(crate) struct YarnPatches {
     patches: Vec<YarnPatch>,
-    /// Radius of the thickest yarn, mm.
+    /// Radius of the cloth's thickest yarn, mm.
     thickest: f32,
     /// What [`Self::gap_factors`] found last.
     gap_factors: Mutex<Option<(Light, Vec3)>>,
@@ -82,7 +82,7 @@ struct YarnPatch {
 impl YarnPatches {
     /// Takes patches all over a scene of tubes. Other scenes have none.
     pub(crate) fn new(scene: &Scene) -> Self {
-        let (_, thickest) = scene.radii();
+        let (_, thickest) = scene.yarn_radii();
         let count = if scene.shape == Shape::Tube { PATCHES.min(scene.positions.len()) } else { 0 };
         let mut middles: Vec<Vec3> =
             (0..count).filter_map(|patch| middle(scene, patch, count)).collect();

@@ -51,7 +51,7 @@ use visible::{TileRows, tile_rows};
 /// the picture. Along a longer one, perspective would make that wrong, and yarns are traced
 /// instead.
 const MAX_PIECE_ANGLE: f32 = 0.05;
-/// Radius of the thickest yarn, pixels, below which a pixel has four cells. With one, its 64 places
+/// Radius of the cloth's thickest yarn, pixels, below which a pixel has four cells. With one, its 64 places
 /// are too few for as many yarns: RMS 4.6 of 255 on locknit with a radius of 0.03 pixels.
 const THIN_PIXELS: f32 = 0.045;
 /// Extra rows of pixels above and below the prepared ones, whose depths count for the sky of these.
@@ -99,8 +99,9 @@ impl<'a> Splatter<'a> {
         let nearest = camera.eye().distance(centre.as_dvec3())
             - f64::from(bounds.min.distance(bounds.max)) / 2.0;
         let pixel = to_f32(camera.pixel_size(nearest, options.height));
-        let (_, thickest) = scene.radii();
-        if !options.lod || scene.shape != Shape::Tube || pixel <= scene.mask_radii() * thickest {
+        let ((_, thickest), (_, any)) = (scene.yarn_radii(), scene.radii());
+        let is_far = pixel > scene.mask_pixel(thickest, any);
+        if !options.lod || scene.shape != Shape::Tube || !is_far {
             return None;
         }
         let pieces = SplatPieces::new(scene, centre);
