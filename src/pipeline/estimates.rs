@@ -39,7 +39,7 @@ const DRIVER: f64 = 2e9;
 /// Memory of a stitch while it is swept.
 const SWEPT: f64 = 7000.0;
 /// Memory of a piece of yarn that rays are traced against, with its share of the tree.
-const PIECE: f64 = 75.0;
+const PIECE: f64 = 55.0;
 /// Memory of the light of a tube's piece: its stretch's number, and a stretch for each piece.
 const TUBE_PIECE: f64 = 24.0;
 /// Memory of the edges of a ribbon's piece.

@@ -506,3 +506,60 @@ impl TangentFrame {
         normal + self.across * (10.0 * MIN_SINE)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::View;
+    use crate::scene::YarnLook;
+    use glam::{Vec3, Vec4Swizzles};
+
+    /// A strand of so many points that winds about in space.
+    fn winding() -> Scene {
+        let mut scene = Scene::default();
+        scene.looks.push(YarnLook::plain(Vec3::ONE, 0.5, 0.1));
+        let at = |turn: f32| Vec3::new(turn.cos(), turn.sin() * (0.3 * turn).cos(), 0.1 * turn);
+        scene.push_strand((0_u8..60).map(|point| at(0.5 * f32::from(point))), 0);
+        scene
+    }
+
+    /// Its path in a picture of so many pixels across.
+    fn path(scene: &Scene, size: u32) -> YarnPaths {
+        let camera = Camera::view(View::Front, &scene.positions, 0.5, 1.0, 1.0);
+        let options =
+            RenderOptions { width: size, height: size, lod: false, ..RenderOptions::default() };
+        YarnPaths::new(scene, 0..1, DVec3::ZERO, Subdivision::Picture(&camera, &options))
+    }
+
+    /// Length and frame at a point of a path.
+    fn state(path: &YarnPaths, point: usize) -> (f32, [Vec3; 2]) {
+        (path.along[point], [path.tangents[point].unpack(), path.across[point].unpack()])
+    }
+
+    #[test]
+    fn plies_lie_where_they_do_at_any_subdivision() {
+        let scene = winding();
+        let [coarse, fine] = [20, 2000].map(|size| path(&scene, size));
+        assert!(fine.points.len() > 3 * coarse.points.len());
+        for position in &scene.positions {
+            let [one, other] = [&coarse, &fine].map(|path| {
+                let is_here = |point: &Vec4| point.xyz().distance(*position) < 1e-6;
+                state(path, path.points.iter().position(is_here).unwrap())
+            });
+            assert_eq!(one, other);
+        }
+    }
+
+    #[test]
+    fn what_is_drawn_behind_a_lead_is_as_in_the_whole() {
+        let (whole, mut scene) = (path(&winding(), 500), winding());
+        scene.strands[0].lead = 20;
+        let rest = path(&scene, 500);
+        let left_out = whole.points.len() - rest.points.len();
+        assert!(left_out > 20);
+        assert_eq!(rest.points, whole.points[left_out..]);
+        for point in 0..rest.points.len() {
+            assert_eq!(state(&rest, point), state(&whole, left_out + point));
+        }
+    }
+}

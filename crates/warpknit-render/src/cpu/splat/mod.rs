@@ -270,7 +270,7 @@ mod tests {
     use super::*;
     use crate::cpu::raytrace::{Bounces, RayTracer};
     use crate::cpu::render;
-    use crate::scene::YarnLook;
+    use crate::scene::{YarnKind, YarnLook};
     use crate::{View, cloth};
     use glam::{DVec3, Vec3};
     use image::RgbaImage;
@@ -315,6 +315,25 @@ mod tests {
         let (scene, inside) =
             (mat(), Camera::look_at(DVec3::new(5.0, 5.0, 0.0), DVec3::ZERO, 0.5, 1.0));
         assert!(Splatter::new(&scene, &scene.bounds().unwrap(), &inside, &far).is_none());
+    }
+
+    #[test]
+    fn sewing_thread_decides_only_where_it_is_many_pixels_wide() {
+        // A pixel is a third of a millimetre wide.
+        let far = RenderOptions { width: 30, height: 30, ..RenderOptions::default() };
+        let with = |kind: YarnKind, radius: f32| {
+            let mut scene = mat();
+            scene.looks.push(YarnLook { kind, ..YarnLook::plain(Vec3::ONE, 0.7, radius) });
+            scene.push_strand((0_u8..=20).map(|i| Vec3::new(f32::from(i) * 0.5, 4.5, 0.5)), 2);
+            scene
+        };
+        assert!(is_splatted(&with(YarnKind::SewingThread, 0.7), &far));
+        assert!(!is_splatted(&with(YarnKind::SewingThread, 2.0), &far));
+        assert!(!is_splatted(&with(YarnKind::Yarn, 0.7), &far));
+        // Alone it is all that there is to see.
+        let mut alone = with(YarnKind::SewingThread, 0.7);
+        alone.strands.drain(..10);
+        assert!(!is_splatted(&alone, &far));
     }
 
     /// The root mean square difference of two pictures on the cloth, and that of the means of each
