@@ -9,7 +9,7 @@
 use glam::{Mat3, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::triangles::PictureTriangles;
+use super::triangles::{ALIKE, PictureTriangles};
 use super::{EVENLY_LIT, extremes, spread};
 use crate::averaged::{AveragedCloth, FLATTEST};
 use crate::cpu::averaged::{Appearance, Averaged};
@@ -21,8 +21,6 @@ use crate::{Camera, RenderOptions};
 
 /// Share of the view below which no farther layers are looked for: some steps of a pixel's value.
 const LEAST_SEEN: f32 = 0.01;
-/// Cosine between the normals of places that look alike.
-const ALIKE: f32 = 0.995;
 /// Sides of triangles, in pixels, up to which the sun's light is interpolated between their
 /// corners.
 const SOFT_PIXELS: f32 = 16.0;
@@ -171,8 +169,27 @@ impl<'a> LitCloth<'a> {
     /// distances.
     pub(super) fn nearest(&self, pixel: [u32; 2], toward: Vec3, within: [f32; 2]) -> Option<Layer> {
         let hit = self.triangles.nearest(pixel, toward, within)?;
+        Some(self.layer(pixel, toward, hit))
+    }
+
+    fn layer(&self, pixel: [u32; 2], toward: Vec3, hit: MeshHit) -> Layer {
         let surface = self.cloth.surface.surface(&hit, self.eye, toward);
-        Some(Layer { pixel, toward, hit, surface })
+        Layer { pixel, toward, hit, surface }
+    }
+
+    /// The nearest layer along all rays through a pixel, by the one through its middle. The outer
+    /// `None` says that they may meet different things. `pixel_at` is the size of a pixel at a
+    /// distance, mm.
+    pub(super) fn nearest_of_all(
+        &self,
+        pixel: [u32; 2],
+        toward: Vec3,
+        pixel_at: impl Fn(f32) -> f32,
+    ) -> Option<Option<Layer>> {
+        // Layers that cross in the pixel are no farther apart in its middle.
+        let apart = |distance: f32| 2.0 * pixel_at(distance) / FLATTEST;
+        let hit = self.triangles.nearest_of_all(pixel, toward, apart)?;
+        Some(hit.map(|hit| self.layer(pixel, toward, hit)))
     }
 
     /// The layers on a ray, from the nearest one to `reach`. Rays go to these places of the sun

@@ -136,9 +136,8 @@ impl<'a> Backdrop<'a> {
         let sampler = Sampler::new(pixel[0], pixel[1], self.options.seed);
         let mut behind = Behind::NOTHING;
         let suns = BodySuns(sampler.pairs(SampleDimension::Sun, SUN_RAYS * PLACES * PLACES));
-        let directions = [0, 1, 2, 3].map(|quarter| self.direction(pixel, middle_of(quarter)));
         if let Some(body) = &self.set.body {
-            for (at, toward) in directions.into_iter().enumerate() {
+            for (at, toward) in self.directions(pixel).into_iter().enumerate() {
                 let Some(hit) = body.nearest(self.eye(), toward) else { continue };
                 let surface = body.surface(&hit, self.eye(), toward);
                 behind.reach[at] = body.skin_reach(&hit, toward) * toward.dot(self.ahead);
@@ -148,29 +147,37 @@ impl<'a> Backdrop<'a> {
             }
         }
         if let Some(cloth) = &self.cloth {
-            self.add_cloth(cloth, (pixel, directions), &mut behind, &suns);
+            self.add_cloth(cloth, pixel, &mut behind, &suns);
         }
         let is_hidden = behind.body.iter().all(|light| light.w > HIDDEN);
         behind.light = self.far_light(pixel, &sampler, is_hidden);
         behind
     }
 
-    /// Puts averaged cloth before what a pixel sees. Where a pixel shows one stretch of cloth, its
-    /// first quarter stands for all.
+    /// Puts averaged cloth before what a pixel sees. Where a pixel shows one stretch of cloth, a ray
+    /// through its middle or its first quarter stands for all.
     fn add_cloth(
         &self,
         cloth: &LitCloth<'_>,
-        (pixel, directions): ([u32; 2], [Vec3; QUARTERS]),
+        pixel: [u32; 2],
         behind: &mut Behind,
         suns: &BodySuns,
     ) {
+        let pixel_at = |distance| self.pixel_at(distance);
+        // A quarter with another body behind it shows that.
+        let is_free = behind.reach.iter().all(|reach| reach.is_infinite());
+        let middle = self.direction(pixel, Vec2::splat(0.5));
+        let one = is_free.then(|| cloth.nearest_of_all(pixel, middle, pixel_at)).flatten();
+        let directions = if one.is_some() { [middle; QUARTERS] } else { self.directions(pixel) };
         let cosines = directions.map(|toward| toward.dot(self.ahead));
         let reach: [f32; QUARTERS] = std::array::from_fn(|at| behind.reach[at] / cosines[at]);
-        let nearest: [Option<Layer>; QUARTERS] =
-            std::array::from_fn(|at| cloth.nearest(pixel, directions[at], [0.0, reach[at]]));
-        // A quarter with another body behind it shows that.
-        let is_even = reach.iter().all(|reach| reach.is_infinite())
-            && Layer::are_one(&nearest, |distance| self.pixel_at(distance));
+        let nearest: [Option<Layer>; QUARTERS] = match one {
+            Some(one) => [one; QUARTERS],
+            None => {
+                std::array::from_fn(|at| cloth.nearest(pixel, directions[at], [0.0, reach[at]]))
+            }
+        };
+        let is_even = is_free && Layer::are_one(&nearest, pixel_at);
         let lit = sunlit(cloth, &nearest, is_even, suns);
         let mut first = None;
         for (at, layer) in nearest.iter().enumerate() {
@@ -192,6 +199,11 @@ impl<'a> Backdrop<'a> {
 
     fn eye(&self) -> Vec3 {
         self.camera.eye().as_vec3()
+    }
+
+    /// The directions through the quarters of a pixel.
+    fn directions(&self, pixel: [u32; 2]) -> [Vec3; QUARTERS] {
+        [0, 1, 2, 3].map(|quarter| self.direction(pixel, middle_of(quarter)))
     }
 
     /// The direction through a place of a pixel, 0..1 across and down.
