@@ -1,9 +1,9 @@
 //! Memory of pictures and sizes of files, estimated before they are made.
 //!
 //! In: a planned [`Cloth`] and its fabric. Out: bytes. All figures are bytes for each data point,
-//! ring of a tube, vertex, triangle or pixel, measured 2026-11 with seven fabrics on two garments.
-//! Checked within a third against files and runs in `tests/it/estimates.rs`. Not promised: files of
-//! fibres.
+//! ring of a tube, vertex, triangle or pixel, measured in 2026-11 and 2026-12 with seven fabrics on
+//! two garments. Checked within a third against files and runs in `tests/it/estimates.rs`. Not
+//! promised: files of fibres, and the sun's shadow map of a garment from near (up to 0.1 GB).
 
 use super::settings::Settings;
 use crate::drape::fibres::bundles;
@@ -12,7 +12,7 @@ use crate::export::Format;
 use crate::fabric::Fabric;
 use crate::garment::Garment;
 use crate::ids::index32;
-use crate::render::scene::{Bounds, Scene, Shape, YarnKind, YarnLook};
+use crate::render::scene::{Bounds, Scene, Shape};
 use crate::render::{Camera, RenderOptions, RendererChoice, hairs};
 use crate::system::address_space_gb;
 use crate::yarn::fibres::FIBRE_RADIUS;
@@ -159,21 +159,15 @@ fn drawing_bytes(
 }
 
 /// Whether the processor draws all these pictures of a scene within `extent` without noise, as
-/// coverage masks: of tubes narrower than two pixels, or than one with textures. Sewing thread may be
-/// thicker.
+/// coverage masks: of tubes, in pixels larger than [`Scene::mask_pixel`].
 pub(super) fn has_masks(
     scene: &Scene,
     extent: Option<Bounds>,
     cameras: &[Camera],
     options: &RenderOptions,
 ) -> bool {
-    let thickest = |is_wanted: fn(&&YarnLook) -> bool| {
-        let looks = scene.looks.iter().filter(is_wanted);
-        looks.map(|look| look.radius).fold(0.0, f32::max)
-    };
-    let yarn = thickest(|look| look.kind == YarnKind::Yarn);
-    let least = f64::from(scene.mask_pixel(yarn, thickest(|_| true)));
-    options.lod && scene.shape == Shape::Tube && smallest_pixel(extent, cameras, options) > least
+    let is_far = smallest_pixel(extent, cameras, options) > f64::from(scene.mask_pixel());
+    options.lod && scene.shape == Shape::Tube && is_far
 }
 
 /// Size of a pixel where a box comes nearest to an eye, mm.

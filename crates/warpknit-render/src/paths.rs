@@ -279,8 +279,9 @@ struct PathBuilder<'a> {
     style: PathStyle,
     /// The span that was computed last, with its index. Consecutive points mostly share a span.
     cached: (usize, Option<Span>),
-    /// A point of the run, the arc length up to it and the frame there. Both advance by spans and not
-    /// by pieces, so that plies and textures lie where they do at any subdivision.
+    /// A point of the run, the arc length up to it and the frame there. Both advance by spans and
+    /// not by pieces, so that plies and textures lie where they do at any subdivision. The frame
+    /// passes merged spans in one step: no pixel shows their plies.
     reached: usize,
     along: f64,
     frame: TangentFrame,
@@ -514,12 +515,14 @@ mod tests {
     use crate::scene::YarnLook;
     use glam::{Vec3, Vec4Swizzles};
 
-    /// A strand of so many points that winds about in space.
-    fn winding() -> Scene {
-        let mut scene = Scene::default();
+    /// A strand that winds about in space.
+    fn winding(shape: Shape) -> Scene {
+        let mut scene = Scene { shape, ..Scene::default() };
         scene.looks.push(YarnLook::plain(Vec3::ONE, 0.5, 0.1));
         let at = |turn: f32| Vec3::new(turn.cos(), turn.sin() * (0.3 * turn).cos(), 0.1 * turn);
         scene.push_strand((0_u8..60).map(|point| at(0.5 * f32::from(point))), 0);
+        let up = |point: u8| Vec3::new(0.3, (0.2 * f32::from(point)).sin(), 1.0).normalize();
+        scene.normals = (0..60).map(|point| PackedUnit::new(up(point))).collect();
         scene
     }
 
@@ -537,29 +540,33 @@ mod tests {
     }
 
     #[test]
-    fn plies_lie_where_they_do_at_any_subdivision() {
-        let scene = winding();
-        let [coarse, fine] = [20, 2000].map(|size| path(&scene, size));
-        assert!(fine.points.len() > 3 * coarse.points.len());
-        for position in &scene.positions {
-            let [one, other] = [&coarse, &fine].map(|path| {
-                let is_here = |point: &Vec4| point.xyz().distance(*position) < 1e-6;
-                state(path, path.points.iter().position(is_here).unwrap())
-            });
-            assert_eq!(one, other);
+    fn plies_lie_where_they_do_however_spans_are_divided() {
+        for shape in [Shape::Tube, Shape::Ribbon] {
+            let scene = winding(shape);
+            let [coarse, fine] = [20, 2000].map(|size| path(&scene, size));
+            assert!(fine.points.len() > 3 * coarse.points.len());
+            for position in &scene.positions {
+                let [one, other] = [&coarse, &fine].map(|path| {
+                    let is_here = |point: &Vec4| point.xyz().distance(*position) < 1e-6;
+                    state(path, path.points.iter().position(is_here).unwrap())
+                });
+                assert_eq!(one, other);
+            }
         }
     }
 
     #[test]
     fn what_is_drawn_behind_a_lead_is_as_in_the_whole() {
-        let (whole, mut scene) = (path(&winding(), 500), winding());
-        scene.strands[0].lead = 20;
-        let rest = path(&scene, 500);
-        let left_out = whole.points.len() - rest.points.len();
-        assert!(left_out > 20);
-        assert_eq!(rest.points, whole.points[left_out..]);
-        for point in 0..rest.points.len() {
-            assert_eq!(state(&rest, point), state(&whole, left_out + point));
+        for shape in [Shape::Tube, Shape::Ribbon] {
+            let (whole, mut scene) = (path(&winding(shape), 500), winding(shape));
+            scene.strands[0].lead = 20;
+            let rest = path(&scene, 500);
+            let left_out = whole.points.len() - rest.points.len();
+            assert!(left_out > 20);
+            assert_eq!(rest.points, whole.points[left_out..]);
+            for point in 0..rest.points.len() {
+                assert_eq!(state(&rest, point), state(&whole, left_out + point));
+            }
         }
     }
 }

@@ -23,9 +23,10 @@ pub const MAX_COORDINATE: f32 = 1e7;
 /// Spans that count as a stitch in strands without any. The graphics card divides each stitch into as many
 /// pieces, and a knitted stitch has about as many spans.
 const STITCH_SPANS: u32 = 10;
-/// Radius of sewing thread, pixels, up to which it does not decide against coverage masks. Thicker
-/// thread would show that masks have straight pieces.
-const MASKED_THREAD: f32 = 4.0;
+/// Radius of sewing thread, pixels, up to which it does not decide against coverage masks. In masks
+/// it has no plies, and with a higher limit it would show straight pieces. With a lower one, cloth
+/// of fine yarns would be traced, with noise, because of a few threads.
+const MASKED_THREAD_PIXELS: f32 = 4.0;
 
 /// Whether renderers accept `point` as a point of a yarn: finite, and not beyond
 /// [`MAX_COORDINATE`].
@@ -61,19 +62,19 @@ pub struct YarnLook {
     /// Index of its textures in [`Scene::maps`]. A yarn without textures gets procedural plies and
     /// fibres.
     pub maps: Option<u16>,
-    /// What it is a look of.
+    /// What kind of strand has it.
     pub kind: YarnKind,
 }
 
-/// What a look belongs to.
+/// What a strand is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum YarnKind {
     /// A yarn of the cloth.
     Yarn,
-    /// A single fibre or hair of one, which has no thick and thin places.
+    /// A single fibre or hair of a yarn, which has no thick and thin places.
     Fibre,
-    /// The thread with which edges are sewn. There is little of it, so it does not decide how cloth is
-    /// drawn.
+    /// The thread with which edges are sewn. There is little of it, so it does not decide how cloth
+    /// is drawn.
     SewingThread,
 }
 
@@ -294,8 +295,8 @@ impl Scene {
         self.maps.get(usize::from(look.maps?))
     }
 
-    /// Whether pixels of this size, mm, show how any yarn of the cloth is turned about its axis: by its
-    /// plies, its fibres or its textures.
+    /// Whether pixels of this size, mm, show how any yarn of the cloth is turned about its axis: by
+    /// its plies, its fibres or its textures.
     #[must_use]
     pub fn shows_turns(&self, pixel: f64) -> bool {
         self.looks.iter().filter(|look| look.kind != YarnKind::SewingThread).any(|look| {
@@ -309,13 +310,26 @@ impl Scene {
         self.maps_of(look).map_or(look.albedo, Maps::mean_albedo)
     }
 
-    /// Size of a pixel above which the processor draws yarns as coverage masks, mm, where the cloth's
-    /// thickest yarn and the thickest of all strands have these radii. Then the cloth's yarns are up to
-    /// two pixels wide, and no pixel shows their bends. With textures they are up to a pixel wide,
-    /// because places around a yarn are left out there.
+    /// Size of a pixel above which the processor draws strands as coverage masks, mm. Then yarns are
+    /// up to two pixels wide, and no pixel shows their bends. With textures they are up to a pixel
+    /// wide, because places around a yarn are left out there. Sewing thread may be wider.
+    ///
+    /// A scene that is still empty counts with all its looks.
     #[must_use]
-    pub fn mask_pixel(&self, yarn: f32, any: f32) -> f32 {
-        yarn.max(any / MASKED_THREAD) * if self.maps.is_empty() { 1.0 } else { 2.0 }
+    pub fn mask_pixel(&self) -> f32 {
+        let of_strands = self.strands.iter().map(|strand| &self.looks[usize::from(strand.look)]);
+        let waiting = self.looks.iter().filter(|_| self.strands.is_empty());
+        let looks = of_strands.chain(waiting).filter(|look| is_drawable_radius(look.radius));
+        let (mut cloth, mut any) = (0.0_f32, 0.0_f32);
+        for look in looks {
+            any = any.max(look.radius);
+            if look.kind != YarnKind::SewingThread {
+                cloth = cloth.max(look.radius);
+            }
+        }
+        let widest = if cloth > 0.0 { cloth } else { any };
+        let textured = if self.maps.is_empty() { 1.0 } else { 2.0 };
+        (textured * widest).max(any / MASKED_THREAD_PIXELS)
     }
 
     /// Mean colour of all yarns, weighted by their data points. Light that is reflected between
@@ -338,11 +352,18 @@ impl Scene {
         self.radii_where(|_| true)
     }
 
-    /// As [`Scene::radii`], of the cloth's yarns. Of all strands where none is one.
+    /// As [`Scene::radii`], without sewing thread. Where there is nothing else, it counts.
     #[must_use]
-    pub(crate) fn yarn_radii(&self) -> (f32, f32) {
-        let (thinnest, thickest) = self.radii_where(|look| look.kind == YarnKind::Yarn);
+    pub(crate) fn cloth_radii(&self) -> (f32, f32) {
+        let (thinnest, thickest) = self.radii_where(|look| look.kind != YarnKind::SewingThread);
         if thickest > 0.0 { (thinnest, thickest) } else { self.radii() }
+    }
+
+    /// As [`Scene::radii`], of strands that are no fibre or hair.
+    #[must_use]
+    #[cfg(feature = "gpu")]
+    pub(crate) fn yarn_radii(&self) -> (f32, f32) {
+        self.radii_where(|look| look.kind != YarnKind::Fibre)
     }
 
     fn radii_where(&self, is_wanted: impl Fn(&YarnLook) -> bool) -> (f32, f32) {

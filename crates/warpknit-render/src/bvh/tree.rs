@@ -80,8 +80,8 @@ impl Waiting {
 }
 
 impl<L: Leaf> Tree<L> {
-    /// Builds the tree over leaves with these boxes. `leaf` makes one of them. It is asked in the
-    /// tree's order and when the boxes are gone, so that no leaf is in memory twice.
+    /// Builds the tree over leaves with these boxes. `leaf` makes one of them. Leaves are made at
+    /// their places in the tree and after the boxes are freed, so that none is in memory twice.
     pub(crate) fn of_leaves(boxes: Vec<Box3>, leaf: impl Fn(u32) -> L + Sync) -> Self {
         let (nodes, order) = build(&boxes, 1);
         drop(boxes);

@@ -2,9 +2,9 @@
 //!
 //! In: a scene, a camera and options, as for every renderer. Out: the picture. Two methods find the
 //! yarn that a sample of a pixel sees. Ray tracing against a bounding volume hierarchy (`raytrace`)
-//! is the general one. Where no yarn is wider than two pixels, pieces of yarn are drawn as coverage
-//! masks instead (`splat`), which leaves no noise. What stands around the cloth is drawn behind
-//! them (`backdrop`), and so is cloth from so far away that it is a surface (`averaged`).
+//! is the general one. Where no yarn but sewing thread is wider than two pixels, pieces are drawn
+//! as coverage masks instead (`splat`), which leaves no noise. What stands around the cloth is drawn
+//! behind them (`backdrop`), and so is cloth from so far away that it is a surface (`averaged`).
 //!
 //! The picture is computed in bands of rows. Within a band, tiles of rows run in parallel. No
 //! sample depends on another one, and sums are taken in a fixed order. So the bytes do not depend

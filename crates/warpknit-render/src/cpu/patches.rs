@@ -82,7 +82,7 @@ struct YarnPatch {
 impl YarnPatches {
     /// Takes patches all over a scene of tubes. Other scenes have none.
     pub(crate) fn new(scene: &Scene) -> Self {
-        let (_, thickest) = scene.yarn_radii();
+        let (_, thickest) = scene.cloth_radii();
         let count = if scene.shape == Shape::Tube { PATCHES.min(scene.positions.len()) } else { 0 };
         let mut middles: Vec<Vec3> =
             (0..count).filter_map(|patch| middle(scene, patch, count)).collect();

@@ -177,19 +177,21 @@ impl<'a> LitCloth<'a> {
         Layer { pixel, toward, hit, surface }
     }
 
-    /// The nearest layer along all rays through a pixel, by the one through its middle. The outer
-    /// `None` says that they may meet different things. `pixel_at` is the size of a pixel at a
-    /// distance, mm.
+    /// The nearest layer on the ray through a pixel's middle, if it is the nearest on all rays
+    /// through the pixel. `pixel_at` is the size of a pixel at a distance, mm.
+    ///
+    /// The sun's rays start there too. So the edge of a shadow is less smooth if what casts it lies
+    /// within some pixels. On skirt and T-shirt no pixel changes by more than 5 of 255.
     pub(super) fn nearest_of_all(
         &self,
         pixel: [u32; 2],
         toward: Vec3,
         pixel_at: impl Fn(f32) -> f32,
-    ) -> Option<Option<Layer>> {
+    ) -> Option<Layer> {
         // Layers that cross in the pixel are no farther apart in its middle.
         let apart = |distance: f32| 2.0 * pixel_at(distance) / FLATTEST;
         let hit = self.triangles.nearest_of_all(pixel, toward, apart)?;
-        Some(hit.map(|hit| self.layer(pixel, toward, hit)))
+        Some(self.layer(pixel, toward, hit))
     }
 
     /// The layers on a ray, from the nearest one to `reach`. Rays go to these places of the sun

@@ -154,8 +154,8 @@ impl<'a> Backdrop<'a> {
         behind
     }
 
-    /// Puts averaged cloth before what a pixel sees. Where a pixel shows one stretch of cloth, a ray
-    /// through its middle or its first quarter stands for all.
+    /// Puts averaged cloth before what a pixel sees. Where a pixel shows one stretch of cloth, its
+    /// middle or its first quarter stands for all.
     fn add_cloth(
         &self,
         cloth: &LitCloth<'_>,
@@ -172,7 +172,7 @@ impl<'a> Backdrop<'a> {
         let cosines = directions.map(|toward| toward.dot(self.ahead));
         let reach: [f32; QUARTERS] = std::array::from_fn(|at| behind.reach[at] / cosines[at]);
         let nearest: [Option<Layer>; QUARTERS] = match one {
-            Some(one) => [one; QUARTERS],
+            Some(_) => [one; QUARTERS],
             None => {
                 std::array::from_fn(|at| cloth.nearest(pixel, directions[at], [0.0, reach[at]]))
             }
@@ -290,7 +290,7 @@ impl BodySuns {
 }
 
 /// The fraction of the sun's light that reaches the nearest cloth in each quarter of a pixel. Where
-/// its vertices don't tell, there are rays. In a pixel of one stretch of cloth, a ray from each
+/// its vertices don't tell, there are rays. In a pixel of one stretch of cloth, a ray for each
 /// quarter goes to the rim of the sun first, to another side of it. Where these differ, the shadow
 /// ends, and more are needed.
 fn sunlit(

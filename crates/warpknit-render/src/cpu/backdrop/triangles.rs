@@ -6,11 +6,11 @@
 //! 1997, 'Triangle scan conversion using 2D homogeneous coordinates'). Both triangles at an edge
 //! share its plane, so no ray passes between them.
 //!
-//! Where no outline and no crease lies near, a ray tells what all rays of a pixel meet
+//! Where no outline, no crease and no other layer is near, one ray stands for all rays of a pixel
 //! ([`PictureTriangles::nearest_of_all`]).
 //!
-//! Cost: linear in the triangles, but for sorting their sides; then some 50 ns a ray, a fifth of
-//! what a tree takes.
+//! Cost: linear in the triangles and in the pixels of their creases, but for sorting their sides;
+//! then some 50 ns a ray, a fifth of what a tree takes.
 
 use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
@@ -35,7 +35,7 @@ pub(super) struct PictureTriangles {
     starts: Vec<u32>,
     triangles: Vec<u32>,
     /// Whether each pixel, row after row, has neither outlines nor creases.
-    is_even: Vec<bool>,
+    is_uniform: Vec<bool>,
     /// Pixels in a row.
     width: u32,
     planes: Vec<Planes>,
@@ -52,7 +52,7 @@ struct Planes {
     /// Normal of the triangle, and its plane's distance from the eye times the normal's length.
     normal: DVec3,
     offset: f64,
-    /// Distance of a corner from the eye.
+    /// Distance of the farthest corner from the eye.
     away: f64,
 }
 
@@ -101,17 +101,22 @@ impl PictureTriangles {
                 *next += 1;
             }
         }
-        let mut is_even = vec![true; options.width as usize * options.height as usize];
-        let creases = creases(surface, &planes, &pixels).map(|triangle| boxes[triangle]);
-        let outlines = outlines(surface, &planes).into_iter().map(|[one, other]| {
-            let [one, other] = [one, other].map(|vertex| pixels[vertex as usize]);
-            box_of([one, other, other], options)
-        });
-        for pixel in creases.chain(outlines).flat_map(|of| squares(of, 1, options.width)) {
-            is_even[pixel as usize] = false;
+        let [width, height] = [options.width, options.height].map(|pixels| pixels.max(1) as usize);
+        let pixels: Option<Vec<Vec2>> = pixels.into_iter().collect();
+        // Near the eye nothing is uniform.
+        let mut is_uniform = vec![pixels.is_some(); width * height];
+        if let Some(pixels) = pixels {
+            let creases = creases(surface, &planes, &pixels).map(|triangle| boxes[triangle]);
+            let outlines = outlines(surface, &planes).into_iter().map(|[one, other]| {
+                let [one, other] = [one, other].map(|vertex| Some(pixels[vertex as usize]));
+                box_of([one, other, other], options)
+            });
+            for pixel in creases.chain(outlines).flat_map(|of| squares(of, 1, options.width)) {
+                is_uniform[pixel as usize] = false;
+            }
         }
         let behind = (0..planes.len()).map(behind).collect();
-        Self { side, columns, starts, triangles, is_even, width: options.width, planes, behind }
+        Self { side, columns, starts, triangles, is_uniform, width: options.width, planes, behind }
     }
 
     /// The nearest triangle within these distances on a ray from the eye through a place of a
@@ -132,17 +137,17 @@ impl PictureTriangles {
         nearest
     }
 
-    /// The nearest triangle on all rays through a pixel, by the one through its middle. The outer
-    /// `None` says that they may meet different things: an outline or a crease is near, or the next
+    /// The nearest triangle on the ray through a pixel's middle, if it stands for those on all rays
+    /// through the pixel. `None` where nothing is met, an outline or a crease is near, or the next
     /// layer is less than `apart` behind, so that it may come through.
     pub(super) fn nearest_of_all(
         &self,
         pixel: [u32; 2],
         toward: Vec3,
         apart: impl Fn(f32) -> f32,
-    ) -> Option<Option<MeshHit>> {
+    ) -> Option<MeshHit> {
         let [x, y] = pixel;
-        if !self.is_even[(y * self.width + x) as usize] {
+        if !self.is_uniform[(y * self.width + x) as usize] {
             return None;
         }
         let (mut nearest, mut next) = (None::<MeshHit>, f32::INFINITY);
@@ -154,8 +159,7 @@ impl PictureTriangles {
                 next = next.min(hit.distance);
             }
         }
-        let is_clear = |hit: &MeshHit| next - hit.distance > apart(hit.distance);
-        nearest.is_none_or(|hit| is_clear(&hit)).then_some(nearest)
+        nearest.filter(|hit| next - hit.distance > apart(hit.distance))
     }
 
     /// The square that a pixel lies in.
@@ -177,20 +181,15 @@ impl PictureTriangles {
     }
 }
 
-/// The triangles on which a pixel may see places that don't look alike: bent or steep ones, and those
-/// with a corner behind the eye.
-fn creases(
-    surface: &Mesh,
-    planes: &[Planes],
-    pixels: &[Option<Vec2>],
-) -> impl Iterator<Item = usize> {
+/// The triangles on which a pixel may see places that don't look alike: bent or steep ones.
+/// `pixels` are those of the vertices.
+fn creases(surface: &Mesh, planes: &[Planes], pixels: &[Vec2]) -> impl Iterator<Item = usize> {
     let (_, normals) = surface.vertices();
     let is_bent = |one: u32, other: u32| {
         let [one, other] = [one, other].map(|vertex| vertex as usize);
-        let (Some(from), Some(to)) = (pixels[one], pixels[other]) else { return true };
         // The angle grows with the length, and its cosine falls with the square.
         let turned = 1.0 - normals[one].dot(normals[other]);
-        turned > (1.0 - ALIKE) * from.distance_squared(to)
+        turned > (1.0 - ALIKE) * pixels[one].distance_squared(pixels[other])
     };
     let triangles = surface.triangles().iter().zip(planes).enumerate();
     triangles.filter_map(move |(triangle, (&[a, b, c], planes))| {
@@ -218,7 +217,12 @@ impl Planes {
     /// A triangle with corners relative to the eye.
     fn new([a, b, c]: [DVec3; 3]) -> Self {
         let (normal, sides) = ((b - a).cross(c - a), [b.cross(c), c.cross(a), a.cross(b)]);
-        Self { sides, normal, offset: normal.dot(a), away: a.length() }
+        Self {
+            sides,
+            normal,
+            offset: normal.dot(a),
+            away: a.length().max(b.length()).max(c.length()),
+        }
     }
 
     /// Whether a ray meets its front, around which its corners run counter-clockwise.
@@ -337,11 +341,12 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_tells_what_a_pixel_sees_where_nothing_ends_or_turns_or_crosses() {
-        // A wave, with steep and bent places, and a sheet that comes through it.
-        let (mut places, mut normals) = sheet(|x| 3.0 * (x / 3.0).sin(), |x| (x / 3.0).cos());
+    fn one_ray_stands_for_a_pixel_where_nothing_ends_or_turns_or_crosses() {
+        // Waves with steep and bent places that hide each other, and a sheet that comes through.
+        let (mut places, mut normals) = sheet(|x| 1.5 * x.sin(), |x| 1.5 * x.cos());
         let (others, their_normals) = sheet(|x| 0.4 * x - 1.0, |_| 0.4);
-        (places.extend(others), normals.extend(their_normals));
+        places.extend(others);
+        normals.extend(their_normals);
         let corners: Vec<[u32; 3]> = (0..2_u32)
             .flat_map(|sheet| (0..20).flat_map(move |i| (0..20).map(move |j| [sheet, i, j])))
             .flat_map(|[sheet, i, j]| {
@@ -350,27 +355,29 @@ mod tests {
             })
             .collect();
         let mesh = Mesh::new(places, normals, &corners).unwrap();
-        let camera = Camera::look_at(DVec3::new(30.0, -20.0, 60.0), DVec3::ZERO, 0.4, 1.0);
+        let camera = Camera::look_at(DVec3::new(55.0, -20.0, 30.0), DVec3::ZERO, 0.4, 1.0);
         let options = RenderOptions { width: 150, height: 150, ..RenderOptions::default() };
         let triangles = PictureTriangles::new(&mesh, &camera, &options, |_| 0.0);
+        let planes = &triangles.planes;
+        assert!(planes.iter().any(Planes::is_steep), "no steep triangle");
+        assert!(planes.iter().any(|planes| planes.offset > 0.0), "none is turned away");
         let toward = |pixel, place: [f32; 2]| {
             let [across, up] = options.picture_point(pixel, place);
             camera.direction(across, up, 1.0).as_vec3()
         };
-        let (mut told, mut seen) = (0, 0);
+        let mut uniform = 0;
         for pixel in (0..150).flat_map(|y| (0..150).map(move |x| [x, y])) {
             let middle = toward(pixel, [0.5; 2]);
             let Some(one) = triangles.nearest_of_all(pixel, middle, |_| 2.0) else { continue };
-            (told, seen) = (told + 1, seen + usize::from(one.is_some()));
+            uniform += 1;
             for place in [[0.01, 0.01], [0.99, 0.01], [0.01, 0.99], [0.99, 0.99]] {
                 let own = triangles.nearest(pixel, toward(pixel, place), [0.0, f32::INFINITY]);
-                assert_eq!(own.is_some(), one.is_some(), "{pixel:?}");
-                let Some((own, one)) = own.zip(one) else { continue };
+                let own = own.unwrap_or_else(|| panic!("nothing at a corner of {pixel:?}"));
                 let normal = |hit| mesh.surface(hit, camera.eye().as_vec3(), middle).normal;
                 assert!(normal(&own).dot(normal(&one)) > ALIKE, "{pixel:?}");
                 assert!((own.distance - one.distance).abs() < 1.0, "{pixel:?}");
             }
         }
-        assert!(seen > 2000 && seen < told, "{seen} {told}");
+        assert!(uniform > 1000, "{uniform}");
     }
 }

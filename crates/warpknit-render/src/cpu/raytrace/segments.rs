@@ -26,13 +26,13 @@ use crate::{Camera, RenderOptions};
 const BOX_PADDING: f32 = 1e-6;
 /// Radii are this much larger in boxes, for the same reason.
 const RADIUS_MARGIN: f32 = 1.001;
-/// Strands that are subdivided before their paths are appended to the others. Only one batch exists
-/// twice in memory.
-const BATCH: usize = 128;
+/// Parts for each thread that are subdivided before their paths are appended to the others. With
+/// more, more paths are in memory twice. With fewer, threads wait for each other.
+const PARTS_PER_THREAD: usize = 8;
 /// Difference of the integers whose hashes are a series of random numbers: odd, so that none comes
 /// twice, and with its bits mixed.
 const RANDOM_STEP: u32 = 0x9E37_79B9;
-/// Strands of a batch that one task subdivides.
+/// Strands that one task subdivides.
 const PART: usize = 8;
 
 /// Capsules or strips between consecutive points. A segment is identified by the index of its first
@@ -73,8 +73,9 @@ impl<'a> Segments<'a> {
         let centre = bounds.centre().as_dvec3();
         let count = scene.strands.len();
         let mut paths = YarnPaths { centre, ..YarnPaths::default() };
-        for batch in (0..count).step_by(BATCH) {
-            let end = count.min(batch + BATCH);
+        let strands = PART * PARTS_PER_THREAD * rayon::current_num_threads();
+        for batch in (0..count).step_by(strands) {
+            let end = count.min(batch + strands);
             let parts: Vec<YarnPaths> = ((batch..end).into_par_iter().step_by(PART))
                 .map(|first| {
                     YarnPaths::new(

@@ -240,7 +240,7 @@ fn observe(
     let corner = [column * SIDE, row * SIDE];
     let tile = memory.tile((pieces, screen, planes), corner, blocks.of(column, row));
     let nearest = blocks.of(column, row).iter().fold(f32::INFINITY, |a, b| a.min(b.nearest));
-    let (thinnest, thickest) = pieces.scene.yarn_radii();
+    let (thinnest, thickest) = pieces.scene.cloth_radii();
     let layers = LayerDepths::of_tile(&tile, [column, row], thinnest, split);
     let radius = screen.radius(thickest, nearest.max(thickest));
     let side = (PART_RADII * radius).clamp(PART_CELLS[0], PART_CELLS[1]);

@@ -1,5 +1,5 @@
-//! Yarns up to two pixels wide, without noise. Each piece of yarn is drawn into the pixels that it
-//! covers, instead of each ray searching a tree of millions of pieces.
+//! Yarns up to two pixels wide, and the thread sewn into their cloth, without noise. Each piece is
+//! drawn into the pixels that it covers, instead of each ray searching a tree of millions of pieces.
 //!
 //! In: a scene of tubes, a camera, a light. Out: [`Splatter`], which adds the light of a pixel's
 //! pieces to the film. Coverage is exact to 1/64 of a pixel ([`masks`]): pieces are binned in
@@ -51,8 +51,8 @@ use visible::{TileRows, tile_rows};
 /// the picture. Along a longer one, perspective would make that wrong, and yarns are traced
 /// instead.
 const MAX_PIECE_ANGLE: f32 = 0.05;
-/// Radius of the cloth's thickest yarn, pixels, below which a pixel has four cells. With one, its 64 places
-/// are too few for as many yarns: RMS 4.6 of 255 on locknit with a radius of 0.03 pixels.
+/// Radius of the cloth's thickest yarn, pixels, below which a pixel has four cells. With one, its 64
+/// places are too few for as many yarns: RMS 4.6 of 255 on locknit with a radius of 0.03 pixels.
 const THIN_PIXELS: f32 = 0.045;
 /// Extra rows of pixels above and below the prepared ones, whose depths count for the sky of these.
 /// It must cover the reach of [`LayerDepths::sky_visibility`], two squares of pixels; otherwise
@@ -99,9 +99,7 @@ impl<'a> Splatter<'a> {
         let nearest = camera.eye().distance(centre.as_dvec3())
             - f64::from(bounds.min.distance(bounds.max)) / 2.0;
         let pixel = to_f32(camera.pixel_size(nearest, options.height));
-        let ((_, thickest), (_, any)) = (scene.yarn_radii(), scene.radii());
-        let is_far = pixel > scene.mask_pixel(thickest, any);
-        if !options.lod || scene.shape != Shape::Tube || !is_far {
+        if !options.lod || scene.shape != Shape::Tube || pixel <= scene.mask_pixel() {
             return None;
         }
         let pieces = SplatPieces::new(scene, centre);
@@ -109,6 +107,7 @@ impl<'a> Splatter<'a> {
             return None;
         }
         let middle = camera.pixel_size(camera.eye().distance(centre.as_dvec3()), options.height);
+        let (_, thickest) = scene.cloth_radii();
         let is_thin = thickest < THIN_PIXELS * to_f32(middle);
         let split = split(options.spp).max(if is_thin { 2 } else { 1 });
         let screen = Screen::new(bounds, camera, options, split);
@@ -160,7 +159,7 @@ impl<'a> Splatter<'a> {
         let cells = around(rows, self.options.height, self.split);
         let parts = (&self.pieces, &self.screen, &self.planes, &self.blocks);
         let tiles = TileRows::new(before, parts, &cells);
-        let layers = LayerDepths::new(&tiles, self.pieces.scene.radii().0, self.split);
+        let layers = LayerDepths::new(&tiles, self.pieces.scene.cloth_radii().0, self.split);
         self.visible = Some(VisibleRows { rows: rows.clone(), tiles, layers });
     }
 
@@ -334,6 +333,10 @@ mod tests {
         let mut alone = with(YarnKind::SewingThread, 0.7);
         alone.strands.drain(..10);
         assert!(!is_splatted(&alone, &far));
+        // A scene that is still empty counts as one with all its looks.
+        let filled = with(YarnKind::SewingThread, 2.0);
+        let empty = Scene { looks: filled.looks.clone(), ..Scene::default() };
+        assert_eq!(empty.mask_pixel().to_bits(), filled.mask_pixel().to_bits());
     }
 
     /// The root mean square difference of two pictures on the cloth, and that of the means of each

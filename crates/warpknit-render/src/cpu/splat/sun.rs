@@ -66,7 +66,7 @@ impl ShadowMap {
             [low.with_z(at.z), high]
         });
         let [low, high] = boxes.reduce(|| nothing, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-        let (thinnest, thickest) = pieces.scene.radii();
+        let ((thinnest, _), (_, thickest)) = (pieces.scene.cloth_radii(), pieces.scene.radii());
         // A piece may be visible although neither of its ends is.
         let margin = thickest + pieces.longest();
         let extent = (high.truncate() - low.truncate()).max(Vec2::ZERO);
