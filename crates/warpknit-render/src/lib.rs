@@ -43,6 +43,7 @@ pub mod octahedral;
 pub mod painter;
 mod paths;
 pub mod ply;
+mod point_run;
 pub mod scene;
 pub mod set;
 pub mod shade;

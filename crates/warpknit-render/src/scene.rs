@@ -40,6 +40,20 @@ fn is_drawable_radius(radius: f32) -> bool {
     radius > 0.0 && radius < MAX_COORDINATE
 }
 
+/// The least and the largest drawable radius of looks, mm; infinity and 0 if there is none.
+fn radii<'a>(looks: impl Iterator<Item = &'a YarnLook>) -> (f32, f32) {
+    let drawable = looks.map(|look| look.radius).filter(|radius| is_drawable_radius(*radius));
+    drawable.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| {
+        (radius.min(thinnest), radius.max(thickest))
+    })
+}
+
+/// As [`radii`], without sewing thread. Where there is nothing else, it counts.
+fn cloth_radii<'a>(looks: impl Iterator<Item = &'a YarnLook> + Clone) -> (f32, f32) {
+    let cloth = radii(looks.clone().filter(|look| look.kind != YarnKind::SewingThread));
+    if cloth.1 > 0.0 { cloth } else { radii(looks) }
+}
+
 /// How a yarn looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct YarnLook {
@@ -317,19 +331,11 @@ impl Scene {
     /// A scene that is still empty counts with all its looks.
     #[must_use]
     pub fn mask_pixel(&self) -> f32 {
-        let of_strands = self.strands.iter().map(|strand| &self.looks[usize::from(strand.look)]);
         let waiting = self.looks.iter().filter(|_| self.strands.is_empty());
-        let looks = of_strands.chain(waiting).filter(|look| is_drawable_radius(look.radius));
-        let (mut cloth, mut any) = (0.0_f32, 0.0_f32);
-        for look in looks {
-            any = any.max(look.radius);
-            if look.kind != YarnKind::SewingThread {
-                cloth = cloth.max(look.radius);
-            }
-        }
-        let widest = if cloth > 0.0 { cloth } else { any };
+        let looks = self.strand_looks().chain(waiting);
+        let ((_, cloth), (_, any)) = (cloth_radii(looks.clone()), radii(looks));
         let textured = if self.maps.is_empty() { 1.0 } else { 2.0 };
-        (textured * widest).max(any / MASKED_THREAD_PIXELS)
+        (textured * cloth).max(any / MASKED_THREAD_PIXELS)
     }
 
     /// Mean colour of all yarns, weighted by their data points. Light that is reflected between
@@ -349,30 +355,25 @@ impl Scene {
     /// none.
     #[must_use]
     pub fn radii(&self) -> (f32, f32) {
-        self.radii_where(|_| true)
+        radii(self.strand_looks())
     }
 
     /// As [`Scene::radii`], without sewing thread. Where there is nothing else, it counts.
     #[must_use]
     pub(crate) fn cloth_radii(&self) -> (f32, f32) {
-        let (thinnest, thickest) = self.radii_where(|look| look.kind != YarnKind::SewingThread);
-        if thickest > 0.0 { (thinnest, thickest) } else { self.radii() }
+        cloth_radii(self.strand_looks())
     }
 
     /// As [`Scene::radii`], of strands that are no fibre or hair.
     #[must_use]
     #[cfg(feature = "gpu")]
     pub(crate) fn yarn_radii(&self) -> (f32, f32) {
-        self.radii_where(|look| look.kind != YarnKind::Fibre)
+        radii(self.strand_looks().filter(|look| look.kind != YarnKind::Fibre))
     }
 
-    fn radii_where(&self, is_wanted: impl Fn(&YarnLook) -> bool) -> (f32, f32) {
-        let wanted =
-            self.strands.iter().filter(|strand| is_wanted(&self.looks[usize::from(strand.look)]));
-        let radii = wanted.filter_map(|strand| self.radius(strand));
-        radii.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| {
-            (radius.min(thinnest), radius.max(thickest))
-        })
+    /// The look of each strand.
+    fn strand_looks(&self) -> impl Iterator<Item = &YarnLook> + Clone {
+        self.strands.iter().map(|strand| &self.looks[usize::from(strand.look)])
     }
 
     /// Distances between neighbouring drawable data points of strands.

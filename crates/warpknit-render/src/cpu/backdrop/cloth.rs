@@ -9,8 +9,8 @@
 use glam::{Mat3, Vec3, Vec4};
 use rayon::prelude::*;
 
+use super::suns::{EVENLY_LIT, extremes, spread};
 use super::triangles::{ALIKE, PictureTriangles};
-use super::{EVENLY_LIT, extremes, spread};
 use crate::averaged::{AveragedCloth, FLATTEST};
 use crate::cpu::averaged::{Appearance, Averaged};
 use crate::cpu::sample::{SampleDimension, Sampler};

@@ -8,7 +8,8 @@
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
 
-use super::{spread, sun_on_floor};
+use super::sun_on_floor;
+use super::suns::spread;
 use crate::cpu::sample::{SampleDimension, Sampler};
 use crate::light::Rig;
 use crate::set::{Cove, Set};

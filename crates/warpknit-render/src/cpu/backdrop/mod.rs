@@ -13,9 +13,12 @@
 
 mod cloth;
 mod floor;
+mod suns;
 mod triangles;
 
+use std::cell::LazyCell;
 use std::f32::consts::FRAC_1_PI;
+use std::ops::Deref;
 use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3, Vec4};
@@ -28,18 +31,14 @@ use crate::set::{Cove, MeshSurface, Set};
 use crate::{Camera, RenderOptions};
 use cloth::{Layer, LitCloth};
 use floor::FloorLight;
-use warpknit_core::ids::index32;
+use suns::{BodySuns, SUN_RAYS, sunlit};
 
 /// Places across and down in a pixel at which a body is looked for.
 const PLACES: u32 = 2;
 /// All of them.
 pub(super) const QUARTERS: usize = (PLACES * PLACES) as usize;
-/// Rays to the sun from each place of a body.
-const SUN_RAYS: u32 = 4;
 /// Cover from which on what is behind a pixel's bodies counts as hidden.
 const HIDDEN: f32 = 0.98;
-/// Difference of the fractions of sunlight within a pixel up to which a ray a quarter tells them.
-const EVENLY_LIT: f32 = 0.05;
 /// Base colour of a body, linear: a matt dummy of a warm grey. It is lighter than most skins and
 /// darker than white cloth, so that sheer cloth of any colour can be told from it.
 const BODY: Vec3 = Vec3::new(0.47, 0.40, 0.355);
@@ -135,9 +134,12 @@ impl<'a> Backdrop<'a> {
     pub(crate) fn pixel(&self, pixel: [u32; 2]) -> Behind {
         let sampler = Sampler::new(pixel[0], pixel[1], self.options.seed);
         let mut behind = Behind::NOTHING;
-        let suns = BodySuns(sampler.pairs(SampleDimension::Sun, SUN_RAYS * PLACES * PLACES));
+        let suns = BodySuns::new(&sampler);
+        let middle = self.direction(pixel, Vec2::splat(0.5));
+        let quarters =
+            LazyCell::new(|| [0, 1, 2, 3].map(|quarter| self.direction(pixel, middle_of(quarter))));
         if let Some(body) = &self.set.body {
-            for (at, toward) in self.directions(pixel).into_iter().enumerate() {
+            for (at, toward) in quarters.into_iter().enumerate() {
                 let Some(hit) = body.nearest(self.eye(), toward) else { continue };
                 let surface = body.surface(&hit, self.eye(), toward);
                 behind.reach[at] = body.skin_reach(&hit, toward) * toward.dot(self.ahead);
@@ -147,28 +149,27 @@ impl<'a> Backdrop<'a> {
             }
         }
         if let Some(cloth) = &self.cloth {
-            self.add_cloth(cloth, pixel, &mut behind, &suns);
+            self.add_cloth(cloth, (pixel, middle, &quarters), &mut behind, &suns);
         }
         let is_hidden = behind.body.iter().all(|light| light.w > HIDDEN);
-        behind.light = self.far_light(pixel, &sampler, is_hidden);
+        behind.light = self.far_light((middle, &quarters), &sampler, is_hidden);
         behind
     }
 
     /// Puts averaged cloth before what a pixel sees. Where a pixel shows one stretch of cloth, its
-    /// middle or its first quarter stands for all.
+    /// middle or its first quarter stands for all. `middle` and `quarters` are the directions there.
     fn add_cloth(
         &self,
         cloth: &LitCloth<'_>,
-        pixel: [u32; 2],
+        (pixel, middle, quarters): ([u32; 2], Vec3, &impl Deref<Target = [Vec3; QUARTERS]>),
         behind: &mut Behind,
         suns: &BodySuns,
     ) {
         let pixel_at = |distance| self.pixel_at(distance);
         // A quarter with another body behind it shows that.
         let is_free = behind.reach.iter().all(|reach| reach.is_infinite());
-        let middle = self.direction(pixel, Vec2::splat(0.5));
         let one = is_free.then(|| cloth.nearest_of_all(pixel, middle, pixel_at)).flatten();
-        let directions = if one.is_some() { [middle; QUARTERS] } else { self.directions(pixel) };
+        let directions = if one.is_some() { [middle; QUARTERS] } else { **quarters };
         let cosines = directions.map(|toward| toward.dot(self.ahead));
         let reach: [f32; QUARTERS] = std::array::from_fn(|at| behind.reach[at] / cosines[at]);
         let nearest: [Option<Layer>; QUARTERS] = match one {
@@ -201,11 +202,6 @@ impl<'a> Backdrop<'a> {
         self.camera.eye().as_vec3()
     }
 
-    /// The directions through the quarters of a pixel.
-    fn directions(&self, pixel: [u32; 2]) -> [Vec3; QUARTERS] {
-        [0, 1, 2, 3].map(|quarter| self.direction(pixel, middle_of(quarter)))
-    }
-
     /// The direction through a place of a pixel, 0..1 across and down.
     fn direction(&self, pixel: [u32; 2], place: Vec2) -> Vec3 {
         let [across, up] = self.options.picture_point(pixel, place.to_array());
@@ -214,15 +210,18 @@ impl<'a> Backdrop<'a> {
 
     /// The light of the studio, or else of the environment. Nothing where there is neither. Where
     /// bodies hide it, it may be coarse: little of it comes through the filter from the next pixel.
-    fn far_light(&self, pixel: [u32; 2], sampler: &Sampler, is_hidden: bool) -> Vec4 {
+    fn far_light(
+        &self,
+        (middle, quarters): (Vec3, &impl Deref<Target = [Vec3; QUARTERS]>),
+        sampler: &Sampler,
+        is_hidden: bool,
+    ) -> Vec4 {
         if let Some((cove, floor)) = &self.studio {
-            let toward = self.direction(pixel, Vec2::splat(0.5));
-            return self.studio_light((cove, floor), toward, (sampler, is_hidden));
+            return self.studio_light((cove, floor), middle, (sampler, is_hidden));
         }
         let Some(environment) = &self.set.environment else { return Vec4::ZERO };
-        let quarters = (0..PLACES * PLACES)
-            .map(|quarter| environment.radiance(self.direction(pixel, middle_of(quarter))));
-        (quarters.sum::<Vec3>() / (PLACES * PLACES) as f32).extend(1.0)
+        let light = quarters.iter().map(|toward| environment.radiance(*toward));
+        (light.sum::<Vec3>() / QUARTERS as f32).extend(1.0)
     }
 
     /// The studio's light in a direction. Nothing below its floor.
@@ -273,56 +272,6 @@ impl<'a> Backdrop<'a> {
         let hidden = self.rig.on_cloth * BOUNCE;
         albedo * (self.rig.sun() * (cosine * sun * FRAC_1_PI) + above.lerp(hidden, 1.0 - open))
     }
-}
-
-/// Places of the sun to which rays go from each quarter of a pixel.
-struct BodySuns(SampleSequence);
-
-impl BodySuns {
-    fn at(&self, quarter: usize, ray: u32) -> [f32; 2] {
-        self.0.at(index32(quarter) * SUN_RAYS + ray)
-    }
-
-    /// All of a quarter.
-    fn of(&self, quarter: usize) -> impl Iterator<Item = [f32; 2]> + Clone {
-        (0..SUN_RAYS).map(move |ray| self.at(quarter, ray))
-    }
-}
-
-/// The fraction of the sun's light that reaches the nearest cloth in each quarter of a pixel. Where
-/// its vertices don't tell, there are rays. In a pixel of one stretch of cloth, a ray for each
-/// quarter goes to the rim of the sun first, to another side of it. Where these differ, the shadow
-/// ends, and more are needed.
-fn sunlit(
-    cloth: &LitCloth<'_>,
-    nearest: &[Option<Layer>; QUARTERS],
-    is_even: bool,
-    suns: &BodySuns,
-) -> [f32; QUARTERS] {
-    let soft = nearest.map(|layer| layer.map_or(Some(0.0), |layer| cloth.interpolated_sun(&layer)));
-    let traced =
-        |at: usize| nearest[at].as_ref().map_or(0.0, |layer| cloth.mean_sun(layer, suns.of(at)));
-    if !is_even || soft.iter().all(Option::is_some) {
-        return std::array::from_fn(|at| soft[at].unwrap_or_else(|| traced(at)));
-    }
-    let rim = std::array::from_fn(|at| {
-        let sun = [1.0, at as f32 / QUARTERS as f32];
-        nearest[at].as_ref().map_or(0.0, |layer| cloth.sun_at(layer, sun))
-    });
-    let own: [f32; QUARTERS] =
-        if spread(rim) > EVENLY_LIT { std::array::from_fn(traced) } else { rim };
-    [own.iter().sum::<f32>() / QUARTERS as f32; QUARTERS]
-}
-
-/// The least and the largest of some fractions.
-fn extremes<const COUNT: usize>(of: [f32; COUNT]) -> [f32; 2] {
-    of.into_iter().fold([1.0, 0.0], |[least, most], one| [one.min(least), one.max(most)])
-}
-
-/// Their difference.
-fn spread<const COUNT: usize>(of: [f32; COUNT]) -> f32 {
-    let [least, most] = extremes(of);
-    most - least
 }
 
 /// The fraction of the sun's light that reaches a place of the floor, by so many rays.
