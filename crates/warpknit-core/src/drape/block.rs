@@ -17,6 +17,7 @@ use super::strands::{CUT, Edge, Strand, Strands};
 use crate::garment::Garment;
 use crate::ids::{YarnId, index32};
 use crate::knit::mesh::StructureMesh;
+use crate::knit::spread::Spread;
 use crate::knit::{Knitted, Tag, YarnCopy};
 use crate::locate::{Locator, SurfacePoint};
 use crate::map::Draped;
@@ -134,6 +135,13 @@ impl Block {
         &self.knitted.tags[self.strands.source_near(point) as usize]
     }
 
+    /// The data point of the repeat that a strand's point is a copy of. An end that was cut has
+    /// that of the data point beside it.
+    #[must_use]
+    pub fn origin_near(&self, point: usize) -> u32 {
+        self.knitted.origins[self.strands.source_near(point) as usize]
+    }
+
     /// The number of a strand's first point, counted along its yarn from a place that is the same
     /// however much of the yarn was planned.
     #[must_use]
@@ -169,15 +177,27 @@ impl Block {
         self.strain = body.map(self.panel, strands, knitted, draped);
     }
 
-    /// Makes the strands' tubes. `thickness` is the bar's radius relative to the section's.
-    pub(super) fn add_tubes(&mut self, section: &Section, thickness: f64) {
+    /// Makes the strands' tubes. `thickness` is the bar's radius relative to the section's, and
+    /// `spread` takes the place of the section's ratio.
+    pub(super) fn add_tubes(&mut self, section: &Section, thickness: f64, spread: Option<&Spread>) {
         let section = &Section { radius: section.radius * thickness, ..*section };
         self.tubes.clear();
         self.tubes.reserve(self.strands.pieces.len(), self.strands.strands.len(), section);
+        let mut ratios = Vec::new();
         for strand in &self.strands.strands {
             let (positions, normals) =
                 (&self.draped.positions[strand.range()], &self.draped.normals[strand.range()]);
-            self.tubes.add(positions, normals, self.strands.pieces_of(strand), section);
+            ratios.clear();
+            if let Some(spread) = spread {
+                let sources = strand.range().map(|point| self.strands.source_near(point) as usize);
+                ratios.extend(sources.map(|source| spread.ratio(self.knitted.origins[source])));
+            }
+            // The frame of a round section does not follow the cloth.
+            if ratios.iter().all(|ratio| *ratio == 1.0) {
+                ratios.clear();
+            }
+            let pieces = self.strands.pieces_of(strand);
+            self.tubes.add_spread(positions, normals, &ratios, pieces, section);
         }
     }
 }

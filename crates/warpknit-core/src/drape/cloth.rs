@@ -18,6 +18,7 @@ use crate::garment::{Garment, Panel};
 use crate::ids::{YarnId, index32};
 use crate::knit::Pattern;
 use crate::knit::mesh::{StructureMesh, vertices};
+use crate::knit::spread::Spread;
 use crate::knit::strain::StrainTable;
 use crate::map::Mapping;
 use crate::tile::Tile;
@@ -98,6 +99,8 @@ pub struct Cloth<'a> {
     pub(super) strain: Option<Arc<StrainTable>>,
     /// Each bar's drawn radius relative to that of the thickest bar.
     pub(super) thickness: Vec<f64>,
+    /// How flat its yarns lie. `None` where a section's ratio tells.
+    pub(super) spread: Option<Arc<Spread>>,
     /// The structure mesh of each panel.
     pub(super) meshes: Vec<StructureMesh>,
     pub(super) blocks: Vec<BlockPlan>,
@@ -232,6 +235,7 @@ impl<'a> Cloth<'a> {
             pattern,
             strain,
             thickness,
+            spread: None,
             meshes,
             blocks: Vec::new(),
             yarns: 0,
@@ -268,9 +272,22 @@ impl<'a> Cloth<'a> {
         let yarns = self.yarns;
         let (pattern, strain) = (self.pattern.clone(), self.strain.clone());
         let (thickness, meshes) = (self.thickness.clone(), self.meshes.clone());
+        let (garment, spread) = (self.garment, self.spread.clone());
         // Whether yarns are swept depends on the whole, of which other panels are missing here.
         let whole = Some(self.whole_stitches());
-        Self { garment: self.garment, pattern, strain, thickness, meshes, blocks, yarns, whole }
+        Self { garment, pattern, strain, thickness, spread, meshes, blocks, yarns, whole }
+    }
+
+    /// The same cloth with yarns that lie as flat as `spread` says.
+    #[must_use]
+    pub fn with_spread(self, spread: Option<Arc<Spread>>) -> Self {
+        Self { spread, ..self }
+    }
+
+    /// How flat its yarns lie. `None` where a section's ratio tells.
+    #[must_use]
+    pub fn spread(&self) -> Option<&Arc<Spread>> {
+        self.spread.as_ref()
     }
 
     /// The repeat of the fabric.

@@ -68,7 +68,7 @@ pub fn block(yarns: &Block, bundle: &Bundle, surface: Option<&Section>) -> Block
         }
     }
     if let Some(section) = surface {
-        fibres.add_tubes(&Section { radius: bundle.fibre, ..*section }, 1.0);
+        fibres.add_tubes(&Section { radius: bundle.fibre, ..*section }, 1.0, None);
     }
     fibres
 }

@@ -33,6 +33,7 @@ mod sweeps;
 use rayon::prelude::*;
 
 use crate::ids::index32;
+use crate::knit::spread::Spread;
 use crate::locate::Locator;
 use crate::map::Mapping;
 use crate::map::relaxed::StrainCounts;
@@ -162,7 +163,8 @@ fn run_with<E>(
         let mut announce = |stage| announce(stage, done);
         strain += sweep_and_count(blocks, &body, &mut announce);
         look(blocks, &mut announce);
-        deliver_blocks(blocks, &mut spare, &cloth.thickness, options, &mut announce, deliver)
+        let bodies = YarnBodies { thickness: &cloth.thickness, spread: cloth.spread.as_deref() };
+        deliver_blocks(blocks, &mut spare, bodies, options, &mut announce, deliver)
     };
     let mut totals = lay_blocks(cloth, Some(&body), options, announce, take)?;
     totals.strain = strain;
@@ -232,12 +234,20 @@ fn sweep_and_count(
     strain
 }
 
+/// What tubes need to know of yarns besides their places.
+#[derive(Clone, Copy)]
+struct YarnBodies<'a> {
+    /// Each bar's radius relative to that of the thickest bar.
+    thickness: &'a [f64],
+    spread: Option<&'a Spread>,
+}
+
 /// Delivers mapped blocks, with tubes if they are wanted. `spare` is memory for tubes that all
 /// windows share, so that tubes of one window exist at a time.
 fn deliver_blocks<E>(
     blocks: &mut [Block],
     spare: &mut Vec<Tubes>,
-    thickness: &[f64],
+    bodies: YarnBodies<'_>,
     options: &DrapeOptions,
     announce: &mut dyn FnMut(Stage),
     deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
@@ -254,7 +264,7 @@ fn deliver_blocks<E>(
                 spare.resize_with(spare.len().max(window.len()), Tubes::default);
                 window.par_iter_mut().zip(spare.par_iter_mut()).for_each(|(block, spare)| {
                     std::mem::swap(&mut block.tubes, spare);
-                    block.add_tubes(section, thickness[block.bar]);
+                    block.add_tubes(section, bodies.thickness[block.bar], bodies.spread);
                 });
             }
             announce(Stage::Deliver);

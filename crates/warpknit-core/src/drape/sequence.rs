@@ -15,11 +15,12 @@ use rayon::prelude::*;
 
 use super::body::DrapedGarment;
 use super::{
-    Announce, Block, Cloth, DrapeOptions, Stage, Totals, deliver_blocks, lay_blocks, map_window,
-    sweep_and_count,
+    Announce, Block, Cloth, DrapeOptions, Stage, Totals, YarnBodies, deliver_blocks, lay_blocks,
+    map_window, sweep_and_count,
 };
 use crate::garment::Garment;
 use crate::ids::index32;
+use crate::knit::spread::Spread;
 use crate::knit::strain::StrainTable;
 use crate::map::Draped;
 use crate::map::relaxed::StrainCounts;
@@ -31,6 +32,8 @@ pub struct LocatedCloth {
     blocks: Vec<Block>,
     /// Each bar's drawn radius relative to that of the thickest bar.
     thickness: Vec<f64>,
+    /// How flat yarns lie. `None` where a section's ratio tells.
+    spread: Option<Arc<Spread>>,
     totals: Totals,
     strain: Option<Arc<StrainTable>>,
     is_swept: bool,
@@ -51,9 +54,10 @@ impl LocatedCloth {
             Ok::<(), std::convert::Infallible>(())
         });
         let (thickness, strain) = (cloth.thickness.clone(), cloth.strain.clone());
+        let spread = cloth.spread.clone();
         let is_swept = cloth.is_swept(options);
         let (spare, spare_tubes) = (Vec::new(), Vec::new());
-        Self { blocks: located, thickness, totals, strain, is_swept, spare, spare_tubes }
+        Self { blocks: located, thickness, spread, totals, strain, is_swept, spare, spare_tubes }
     }
 
     /// The numbers of yarns, stitches and losses.
@@ -90,7 +94,8 @@ impl LocatedCloth {
         announce: &mut Announce<'_>,
         deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
     ) -> Result<StrainCounts, E> {
-        let Self { blocks, thickness, strain: table, is_swept, spare, spare_tubes, .. } = self;
+        let Self { blocks, strain: table, is_swept, spare, spare_tubes, .. } = self;
+        let bodies = YarnBodies { thickness: &self.thickness, spread: self.spread.as_deref() };
         announce(Stage::Strain, 0.0);
         let (mapping, is_swept) = (options.mapping, *is_swept);
         let body = DrapedGarment::new(garment, table.as_deref(), mapping, is_swept, &mut |done| {
@@ -113,7 +118,7 @@ impl LocatedCloth {
             announce(Stage::Map);
             window.par_iter_mut().for_each(|block| block.map(&body));
             strain += sweep_and_count(window, &body, &mut announce);
-            deliver_blocks(window, spare_tubes, thickness, options, &mut announce, deliver)?;
+            deliver_blocks(window, spare_tubes, bodies, options, &mut announce, deliver)?;
             exchange(window, spare);
         }
         Ok(strain)

@@ -121,6 +121,37 @@ impl Yarn {
         0.03568 * (self.tex_in_cloth() / (self.density * self.packing)).sqrt()
     }
 
+    /// Largest ratio of the width of its section to its height, where nothing hinders it.
+    ///
+    /// Filaments without twist spread until the yarn is twice as wide as a round one. Twist holds
+    /// fibres together. A single filament does not spread. The numbers were chosen by eye, from
+    /// photos of locknits and jerseys.
+    ///
+    /// ```
+    /// # use warpknit_core::fabric::yarn::Yarn;
+    /// # let (count, color) = ("44 dtex".parse().unwrap(), "#ffffff".parse().unwrap());
+    /// let filaments = Yarn::plain(count, 1.38, 0.65, color);
+    /// assert_eq!(filaments.most_flattening(), 4.0);
+    /// assert_eq!(Yarn { packing: 1.0, ..filaments }.most_flattening(), 1.0);
+    /// ```
+    #[must_use]
+    pub fn most_flattening(&self) -> f64 {
+        /// Ratio of a yarn without twist, and of one that is twisted hard.
+        const RATIOS: [f64; 2] = [4.0, 1.3];
+        /// Slope of a hard twist.
+        const HARD: f64 = 0.3;
+        /// Share of fibre from which on a yarn is one filament.
+        const ONE_FILAMENT: f64 = 0.9;
+        if self.packing >= ONE_FILAMENT || self.draft.is_some() {
+            return 1.0;
+        }
+        // Plies and spun fibres would not hold together without a twist that is not given.
+        let is_spun = self.hairiness.is_some() || self.plies.is_some_and(|plies| plies > 1);
+        let untold = if is_spun { HARD } else { 0.0 };
+        let twist = (self.twist_slope().unwrap_or(untold).abs() / HARD).min(1.0);
+        RATIOS[0] + (RATIOS[1] - RATIOS[0]) * twist
+    }
+
     /// Slope of its twist against its axis, circumference over the length of a turn, where a twist
     /// is given: the same at any scale.
     ///

@@ -26,6 +26,7 @@ mod points;
 mod relax;
 mod repeat;
 pub mod run_in;
+pub mod spread;
 mod stitch;
 pub mod strain;
 pub mod upright;

@@ -38,6 +38,8 @@ pub(super) struct RingStation {
     pub(super) along: Vec3A,
     /// The fabric's normal, of about unit length.
     pub(super) up: Vec3A,
+    /// Ratio of the section's width to its height.
+    pub(super) ratio: f32,
 }
 
 /// The position and the frame of a ring. The three directions are unit vectors.
@@ -50,6 +52,8 @@ pub(super) struct Ring {
     pub(super) binormal: Vec3A,
     /// Yarn length from the strand's start, mm.
     pub(super) length: f64,
+    /// Ratio of the section's width to its height.
+    pub(super) ratio: f32,
 }
 
 /// Carries a frame along a strand.
@@ -134,6 +138,7 @@ fn rings(
             normal: normals[lane],
             binormal: binormals[lane],
             length,
+            ratio: stations[lane].ratio,
         }
     })
 }
@@ -226,7 +231,7 @@ mod tests {
                 _ => along * 0.1,
             };
             center += chord;
-            stations.push(RingStation { center, chord, along, up: Vec3A::Z });
+            stations.push(RingStation { center, chord, along, up: Vec3A::Z, ratio: 1.0 });
             if !matches!(step % 16, 6 | 10) {
                 along = Vec3A::new(angle.cos(), angle.sin(), 0.8 * (0.7 * angle).sin());
             }

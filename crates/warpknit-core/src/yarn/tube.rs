@@ -10,7 +10,8 @@
 //! a stitch that the panel's edge has cut gets St segments too. Four rings are made at a time
 //! (`rings`).
 //!
-//! Cost: about 20 ns a vertex with five edges, most of it for the ring.
+//! Cost: about 20 ns a vertex with five edges, most of it for the ring. Where the ratio changes
+//! from ring to ring, a vertex takes a root more.
 //!
 //! Not promised: tubes that don't intersect themselves in bends tighter than their radius. Ends are
 //! open unless [`Section::caps`] is set.
@@ -124,9 +125,23 @@ impl Tubes {
         stitches: impl IntoIterator<Item = Range<usize>>,
         section: &Section,
     ) {
+        self.add_spread(points, normals, &[], stitches, section);
+    }
+
+    /// The same for a yarn that is more or less flat from point to point: `ratios`, at least 1,
+    /// take the place of [`Section::flatten`] where there are any. Where such a yarn runs along
+    /// the fabric's normal it is round.
+    pub fn add_spread(
+        &mut self,
+        points: &[DVec3],
+        normals: &[DVec3],
+        ratios: &[f32],
+        stitches: impl IntoIterator<Item = Range<usize>>,
+        section: &Section,
+    ) {
         let (first_vertex, first_triangle) =
             (index32(self.positions.len()), index32(self.triangles.len()));
-        let mut rings = Rings::new(self, points, section);
+        let mut rings = Rings::new(self, points, ratios, section);
         for stitch in stitches {
             rings.add_stitch(points, normals, stitch);
         }
@@ -142,6 +157,8 @@ impl Tubes {
 struct Rings<'a> {
     tubes: &'a mut Tubes,
     section: &'a Section,
+    /// Width over height at each point, or none.
+    ratios: &'a [f32],
     outline: SectionOutline,
     steps: Steps,
     cursor: SpanCursor<'a>,
@@ -156,10 +173,13 @@ struct Rings<'a> {
     last: Option<Ring>,
 }
 
-/// The data that all rings of a strand share. With it a ring needs no trigonometry.
+/// The data that rings of one ratio share. With it a ring needs no trigonometry.
 struct SectionOutline {
-    /// Vertices of the section: mm along the ring's normal, and mm along its binormal. The first is
-    /// repeated at the seam.
+    /// Ratio of width to height for which the vertices were made last.
+    ratio: f32,
+    /// Unit vectors to the vertices of a circle. The first is repeated at the seam.
+    directions: Vec<DVec2>,
+    /// Vertices of the section: mm along the ring's normal, and mm along its binormal.
     vertices: Vec<Vec2>,
     /// Their unit normals: normalised gradients of the ellipse.
     normals: Vec<Vec2>,
@@ -171,17 +191,11 @@ struct SectionOutline {
 
 impl SectionOutline {
     fn new(section: &Section) -> Self {
-        // The area of the ellipse is that of the circle: width times the root, height over it.
-        let root = section.flatten.sqrt();
-        let (half_width, half_height) = (section.radius * root, section.radius / root);
-        let (mut vertices, mut normals, mut us) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut directions, mut us) = (Vec::new(), Vec::new());
         for s in 0..=section.sr {
             // The seam vertex equals the first one to the last bit, so that tubes are watertight.
             let angle = TAU * f64::from(s % section.sr) / f64::from(section.sr);
-            let direction = DVec2::from_angle(angle);
-            vertices.push((direction * DVec2::new(half_height, half_width)).as_vec2());
-            // The gradient of (x/h)² + (y/w)² at (h cos, w sin) is parallel to (w cos, h sin).
-            normals.push((direction * DVec2::new(half_width, half_height)).normalize().as_vec2());
+            directions.push(DVec2::from_angle(angle));
             us.push(narrow(f64::from(s) / f64::from(section.sr)));
         }
         let mut triangles = Vec::new();
@@ -193,21 +207,46 @@ impl SectionOutline {
             let (a, b, c, d) = (s, s + 1, s + section.sr + 1, s + section.sr + 2);
             triangles.extend([[a, b, c], [b, d, c]]);
         }
-        Self { vertices, normals, u: us, triangles }
+        let (vertices, normals) = (Vec::new(), Vec::new());
+        let mut outline = Self { ratio: 0.0, directions, vertices, normals, u: us, triangles };
+        outline.flatten(section.radius, section.flatten);
+        outline
+    }
+
+    /// Makes the vertices for another ratio of width to height.
+    fn flatten(&mut self, radius: f64, ratio: f64) {
+        // The area of the ellipse is that of the circle: width times the root, height over it.
+        let root = ratio.sqrt();
+        let (half_width, half_height) = (radius * root, radius / root);
+        self.ratio = narrow(ratio);
+        self.vertices.clear();
+        self.normals.clear();
+        for &direction in &self.directions {
+            self.vertices.push((direction * DVec2::new(half_height, half_width)).as_vec2());
+            // The gradient of (x/h)² + (y/w)² at (h cos, w sin) is parallel to (w cos, h sin).
+            let normal = direction * DVec2::new(half_width, half_height);
+            self.normals.push(normal.normalize().as_vec2());
+        }
     }
 }
 
 impl<'a> Rings<'a> {
-    fn new(tubes: &'a mut Tubes, points: &'a [DVec3], section: &'a Section) -> Self {
+    fn new(
+        tubes: &'a mut Tubes,
+        points: &'a [DVec3],
+        ratios: &'a [f32],
+        section: &'a Section,
+    ) -> Self {
         let first_vertex = index32(tubes.positions.len());
         Self {
             tubes,
             section,
+            ratios,
             outline: SectionOutline::new(section),
             steps: Steps::default(),
             cursor: SpanCursor::new(points),
             to_span: Vec3A::ZERO,
-            frames: FrameCarrier::new(section.flatten != 1.0),
+            frames: FrameCarrier::new(section.flatten != 1.0 || !ratios.is_empty()),
             waiting: [RingStation::default(); LANES],
             count: 0,
             first_vertex,
@@ -226,15 +265,29 @@ impl<'a> Rings<'a> {
             let (span, chord) = self.cursor.next();
             let start = points[index].as_vec3a();
             let ups = [normals[index].as_vec3a(), normals[index + 1].as_vec3a()];
+            let flatness = self.ratios.get(index..index + 2).map(|ends| {
+                // 1 - 1 / ratio is the square of what changes evenly from point to point.
+                [ends[0], ends[1]].map(|ratio| (1.0 - ratio.recip()).max(0.0).sqrt())
+            });
             for &t in &parameters[first..] {
                 let offset = span.at(t);
                 // The chord between two rings is summed from small vectors. The difference of two
                 // rounded positions on a garment would lose digits that the frame needs.
+                let (along, up) = (span.tangent(t), ups[0].lerp(ups[1], t));
+                let ratio = match flatness {
+                    Some([start, end]) => {
+                        let sine = along.normalize_or_zero().cross(up).length();
+                        let flatness = (start + (end - start) * t) * sine;
+                        (1.0 - flatness * flatness).recip()
+                    }
+                    None => narrow(self.section.flatten),
+                };
                 self.wait(RingStation {
                     center: start + offset,
                     chord: self.to_span + offset,
-                    along: span.tangent(t),
-                    up: ups[0].lerp(ups[1], t),
+                    along,
+                    up,
+                    ratio,
                 });
                 self.to_span = -offset;
             }
@@ -268,9 +321,12 @@ impl<'a> Rings<'a> {
     fn add_ring(&mut self, ring: Ring) {
         let base = index32(self.tubes.positions.len());
         let v = narrow(self.section.texture_per_mm * ring.length);
+        if ring.ratio != self.outline.ratio {
+            self.outline.flatten(self.section.radius, f64::from(ring.ratio));
+        }
         // `f32` in four SIMD lanes: as exact as the files that take the vertices.
         let Ring { center, normal: up, binormal: sideways, .. } = ring;
-        let SectionOutline { vertices, normals, u, triangles } = &self.outline;
+        let SectionOutline { vertices, normals, u, triangles, .. } = &self.outline;
         // Each array is extended from an iterator of known length. A push for each vertex would
         // check the capacity each time.
         self.tubes.positions.extend(
@@ -385,6 +441,25 @@ mod tests {
         for (position, normal) in tubes.positions.iter().zip(&tubes.normals) {
             let gradient = Vec3::new(0.0, position.y / 0.25, position.z / 0.015_625).normalize();
             assert!((gradient - *normal).length() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn a_spread_yarn_widens_from_point_to_point_and_keeps_its_area() {
+        let points: Vec<_> = (0..9).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect();
+        let mut tubes = Tubes::default();
+        let ratios = [1.0, 1.0, 1.0, 1.0, 4.0, 1.0, 1.0, 1.0, 1.0];
+        let stitches = std::iter::once(0..9);
+        tubes.add_spread(&points, &[DVec3::Z; 9], &ratios, stitches, &section(16, 64, false));
+        let widest = |x: f32, axis: usize| {
+            let ring = tubes.positions.iter().filter(|p| (p.x - x).abs() < 1e-4);
+            ring.map(|p| p[axis].abs()).fold(0.0, f32::max)
+        };
+        // Halfway, 1 - 1 / ratio is a quarter of what it is at the flat point.
+        let middle = (1.0 - 0.25 * 0.75_f32).recip();
+        for (x, ratio) in [(1.0, 1.0), (3.5, middle), (4.0, 4.0), (7.0, 1.0)] {
+            let off = [widest(x, 1) - 0.25 * ratio.sqrt(), widest(x, 2) - 0.25 / ratio.sqrt()];
+            assert!(off.iter().all(|off| off.abs() < 2e-3), "{x}: {off:?}");
         }
     }
 

@@ -82,6 +82,7 @@ impl<'a> Cloth<'a> {
             pattern: self.pattern.clone(),
             strain: self.strain.clone(),
             thickness: self.thickness.clone(),
+            spread: self.spread.clone(),
             meshes: self.meshes.clone(),
             blocks: Vec::new(),
             yarns: self.yarns,
