@@ -219,13 +219,6 @@ fn map_texel(place: vec2f, footprint: vec2f) -> Texel {
     return Texel(base.rgb, base.a, flipped, surface.y, surface.z, surface.x);
 }
 
-// The unit direction, across the yarn toward the eye, in which the tube that a strip stands for
-// bulges.
-fn front_of_strip(width: vec3f, tangent: vec3f, toward_eye: vec3f) -> vec3f {
-    let front = unit(cross(width, tangent));
-    return front * sign(dot(front, toward_eye));
-}
-
 // The shaded fragment of a yarn.
 @fragment
 fn shade(in: Surface) -> Light {
@@ -238,18 +231,24 @@ fn shade(in: Surface) -> Light {
     var outward = normalize(in.normal);
     var around = in.side * 0.5 + 0.5;
     // An impostor: restore the tube's normal and position from the place across the strip.
+    // Interpolation leaves the section not quite across the yarn.
+    let oval = in.oval - tangent * dot(in.oval, tangent);
+    var circle = outward;
     if SHAPE == STRIP {
-        let rise = sqrt(max(1.0 - in.side * in.side, 0.0));
         let front_of = front_of_strip(outward, tangent, toward_eye);
-        outward = normalize(outward * in.side + front_of * rise);
-        world += front_of * ((rise - MEAN_RISE) * in.radius);
+        let place = surface_place(oval, outward, front_of, in.side, in.radius);
+        world += strip_to_axis(oval, outward, front_of, in.side, in.radius) + place.offset;
+        outward = place.outward;
+        circle = place.circle;
+    } else if FLATTENED {
+        circle = normalize(grown(oval, outward));
     }
     if SHAPE == RIBBON {
         outward *= select(-1.0, 1.0, dot(outward, toward_eye) >= 0.0);
     } else {
         // Orthogonalise: interpolation leaves the frame's vectors not quite perpendicular.
         let start = normalize(in.across - tangent * dot(in.across, tangent));
-        around = atan2(dot(outward, cross(tangent, start)), dot(outward, start));
+        around = atan2(dot(circle, cross(tangent, start)), dot(circle, start));
     }
     let cosine = dot(outward, toward_eye);
     // Size of a pixel here, mm. An eye at infinity has w = 0.
@@ -288,7 +287,7 @@ fn shade(in: Surface) -> Light {
         discard;
     }
 
-    let open = sky_visibility_at(in.clip.xy, in.radius, 1.0 / in.clip.w, cosine);
+    let open = sky_visibility_at(in.clip.xy, sky_radius(oval, in.radius), 1.0 / in.clip.w, cosine);
     let sun_brdf = brdf(material, view.toward_sun, toward_eye);
     let light = reflected_light(material, sun_brdf, outward, world, toward_eye, open, occlusion);
 
@@ -332,27 +331,28 @@ fn expand_lit(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
     let in = vertex_of(vertex, instance);
     let look = looks[in.look];
     let toward_eye = normalize(view.eye.xyz - in.world * view.eye.w);
-    let rise = sqrt(1.0 - GAUSS * GAUSS);
     let front_of = front_of_strip(in.normal, in.tangent, toward_eye);
-    let outward = in.normal * (in.side * GAUSS) + front_of * rise;
+    let place = surface_place(in.oval, in.normal, front_of, in.side * GAUSS, in.radius);
+    let outward = place.outward;
     // The strip's vertices stand MEAN_RISE before the axis, at its edges; move to the point of the
     // tube at the node.
-    let offset = in.normal * (in.side * (GAUSS - 1.0)) + front_of * (rise - MEAN_RISE);
-    let world = in.world + offset * in.radius;
+    let axis = in.world + strip_to_axis(in.oval, in.normal, front_of, in.side, in.radius);
+    let world = axis + place.offset;
     let shade = in.lightness * (1.0 - GROOVE * select(0.0, MEAN_GROOVE, look.plies > 1.0));
     let sheen = Sheen(look.sheen, look.fibre_slope, normalize(in.tangent));
     let normal = face_eye(outward, toward_eye);
     let material = Material(normal, look.albedo * shade, look.roughness, look.metallic, sheen);
     let tile_size = vec2f(view.tile_width, view.tile_height);
     let pixel = (in.clip.xy / in.clip.w * vec2f(0.5, -0.5) + 0.5) * tile_size;
-    let open = sky_visibility_at(pixel, in.radius, in.clip.w, dot(outward, toward_eye));
+    let radius = sky_radius(in.oval, in.radius);
+    let open = sky_visibility_at(pixel, radius, in.clip.w, dot(outward, toward_eye));
     let sun_brdf = base_brdf(material, view.toward_sun, toward_eye);
     var light = reflected_light(material, sun_brdf, outward, world, toward_eye, open, 1.0);
     if SHEEN {
         // The sheen's mean over the width, with one shadow lookup at its brightest line, as in the
         // CPU renderer's splatting.
         let brightest = sheen_highlight_normal(sheen, view.toward_sun, toward_eye);
-        let sun_share = sun_visibility(world + (brightest - outward) * in.radius);
+        let sun_share = sun_visibility(axis + place_facing(in.oval, brightest, in.radius));
         let shine = sheen_mean_over_width(sheen, view.toward_sun, toward_eye);
         light += sheen_color(material) * view.sun * (shine * sun_share);
     }

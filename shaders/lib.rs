@@ -8,6 +8,7 @@
 /// Yarns and the light on them.
 pub const YARN: &str = concat!(
     include_str!("view.wgsl"),
+    include_str!("oval.wgsl"),
     include_str!("yarn.wgsl"),
     include_str!("sheen.wgsl"),
     include_str!("shade.wgsl"),

@@ -60,6 +60,8 @@ struct Draw {
 // Chunk times PARTS plus the part.
 @group(1) @binding(3) var<storage, read> parts: array<u32>;
 @group(1) @binding(4) var<uniform> draw: Draw;
+// Sections, packed, where yarns are flattened.
+@group(1) @binding(5) var<storage, read> ovals: array<u32>;
 
 // Interpolants. Centroid sampling: at an edge, the pixel's centre may lie outside of the triangle,
 // where extrapolated normals would be wrong. `@invariant` makes the depths of the pre-pass and the
@@ -74,12 +76,15 @@ struct Surface {
     @location(4) @interpolate(perspective, centroid) along: f32,
     // From one edge of a strip or ribbon to the other, -1 to 1.
     @location(5) @interpolate(perspective, centroid) side: f32,
+    // Of flattened yarns that of the circle of the same area.
     @location(6) @interpolate(perspective, centroid) radius: f32,
     @location(7) @interpolate(flat, either) look: u32,
     // Differs from chunk to chunk.
     @location(8) @interpolate(flat, either) seed: u32,
     // Factor on the base colour.
     @location(9) @interpolate(flat, either) lightness: f32,
+    // The vector q of the section, see oval.wgsl.
+    @location(10) @interpolate(perspective, centroid) oval: vec3f,
 }
 
 // Octahedral decoding of a unit vector (Meyer et al. 2010, 'On floating-point normal vectors').
@@ -136,6 +141,19 @@ fn unit(v: vec3f) -> vec3f {
     return select(vec3f(0.0), normalize(v), dot(v, v) > 0.0);
 }
 
+// The unit direction, across the yarn toward the eye, in which the tube that a strip stands for
+// bulges.
+fn front_of_strip(width: vec3f, tangent: vec3f, toward_eye: vec3f) -> vec3f {
+    let front = unit(cross(width, tangent));
+    return front * sign(dot(front, toward_eye));
+}
+
+// From a strip's point, at a place across it, to the yarn's axis.
+fn strip_to_axis(oval: vec3f, width: vec3f, front: vec3f, side: f32, radius: f32) -> vec3f {
+    let seen = section_seen(oval, width, front, radius);
+    return -(width * (side * seen.half_width) + front * (MEAN_RISE * seen.rise));
+}
+
 // Factor on the radius at one of the places along a chunk that have their own.
 fn knot(chunk: Chunk, number: u32) -> f32 {
     let word = select(chunk.thickness.x, chunk.thickness.y, number >= 4u);
@@ -171,6 +189,10 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
     out.lightness = 1.0 + MOST_UNEVEN * unpack4x8snorm(chunk.lightness).x;
     out.look = chunk.look;
     out.seed = part / PARTS;
+    out.oval = vec3f(0.0);
+    if FLATTENED {
+        out.oval = unpack_oval(ovals[at]);
+    }
     let edge = f32(vertex % draw.edges);
     var joint: vec3f;
     if SHAPE == TUBE {
@@ -178,11 +200,16 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
         let angle = TAU * edge / f32(draw.edges);
         let start = normalize(across - tangent * dot(across, tangent));
         out.normal = start * cos(angle) + cross(tangent, start) * sin(angle);
+        var outward = out.normal * out.radius;
+        if FLATTENED {
+            outward = grown(out.oval, out.normal) * half_height(out.oval, out.radius);
+            out.normal = normalize(shrunk(out.oval, out.normal));
+        }
         out.side = 0.0;
-        // Corners lie so far out that the polygon hides as much as the circle: both have the same
+        // Corners lie so far out that the polygon hides as much as a circle: both have the same
         // perimeter, and with it the same mean width (Cauchy).
         let half = 0.5 * TAU / f32(draw.edges);
-        out.world = centre + out.normal * (out.radius * half / sin(half));
+        out.world = centre + outward * (half / sin(half));
         joint = out.world;
     } else {
         out.side = edge * 2.0 - 1.0;
@@ -196,9 +223,12 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
             // Lit where the round yarn is, and drawn where the joint is.
             out.normal = unit(width);
             out.tangent = along_steps(at, near);
-            let rise = normalize(toward) * (MEAN_RISE * out.radius);
-            out.world = centre + out.normal * (out.side * out.radius) + rise;
-            joint += rise;
+            out.oval -= out.tangent * dot(out.oval, out.tangent);
+            let front = front_of_strip(out.normal, out.tangent, toward);
+            let seen = section_seen(out.oval, out.normal, front, out.radius);
+            let rise = normalize(toward) * (MEAN_RISE * seen.rise);
+            out.world = centre + out.normal * (out.side * seen.half_width) + rise;
+            joint = centre + width * (out.side * seen.half_width) + rise;
         }
     }
     out.clip = view.clip_from_world * vec4f(joint, 1.0);

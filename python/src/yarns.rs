@@ -21,7 +21,7 @@ use warpknit::export::glb::GlbOptions;
 use warpknit::export::npz::NpzOptions;
 use warpknit::export::{Axes, Format, default_section, png};
 use warpknit::pipeline::{self, Clock, PictureSettings, RunError, Settings, Source, Textures};
-use warpknit::render::scene::{Scene, Shape};
+use warpknit::render::scene::{Scene, ScenePoint, Shape};
 use warpknit::yarn::tube::{MAX_ST, SR, Section, Tubes};
 use warpknit::{fabric, garment};
 
@@ -218,11 +218,14 @@ impl Yarns {
         let start = self.start();
         for strand in 0..self.strands.len() {
             let range = self.strands.points(strand);
-            let places = points[range.clone()].iter().map(|place| (*place - start).as_vec3());
-            let pairs = places.zip(normals[range].iter().map(|normal| normal.as_vec3()));
             // A fabric has at most a hundred bars.
             let look = u16::try_from(self.strands.bars[strand]).unwrap_or(0);
-            scene.push_stitches(pairs, self.strands.stitches(strand).iter().copied(), look);
+            let points = range.map(|point| ScenePoint {
+                position: (points[point] - start).as_vec3(),
+                normal: normals[point].as_vec3(),
+                flatten: 1.0,
+            });
+            scene.push_stitches(points, self.strands.stitches(strand).iter().copied(), look);
         }
         Ok(scene)
     }
@@ -481,11 +484,11 @@ impl Yarns {
     ///
     /// The files are those of the command, byte for byte, and appear only when all of them are whole.
     /// To write them, the cloth is knitted again.
-    #[pyo3(signature = (*paths, st=None, sr=None, flatten=1.0, caps=false, curves=false,
+    #[pyo3(signature = (*paths, st=None, sr=None, flatten=None, caps=false, curves=false,
                         size=(1600, 1200), view="front", file_unit="mm", up="y",
                         usd_curves="bezier", inp="calculix", glb_precision="u16", nodes="bar",
                         glb_meshopt=false, npz_precision="f64", npz_compress=false),
-           text_signature = "($self, *paths, st=None, sr=None, flatten=1.0, caps=False, \
+           text_signature = "($self, *paths, st=None, sr=None, flatten=None, caps=False, \
                              curves=False, size=(1600, 1200), view='front', file_unit='mm', \
                              up='y', usd_curves='bezier', inp='calculix', glb_precision='u16', \
                              nodes='bar', glb_meshopt=False, npz_precision='f64', \
@@ -497,7 +500,7 @@ impl Yarns {
         paths: Vec<PathBuf>,
         st: Option<i64>,
         sr: Option<i64>,
-        flatten: f64,
+        flatten: Option<f64>,
         caps: bool,
         curves: bool,
         size: (i64, i64),

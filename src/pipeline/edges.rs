@@ -14,7 +14,7 @@ use crate::export::Format;
 use crate::garment::Garment;
 use crate::ids::index32;
 use crate::knit::Pattern;
-use crate::render::scene::{Scene, SceneStrand, YarnKind, YarnLook};
+use crate::render::scene::{Scene, ScenePoint, SceneStrand, YarnKind, YarnLook};
 
 /// Radius of sewing thread, mm: one of 27 tex, for light knits.
 const THREAD: f64 = 0.1;
@@ -91,7 +91,12 @@ fn add_run<'a>(
     let look = u16::try_from(scene.looks.len().saturating_sub(1))
         .expect("a fabric has a hundred bars at most");
     let points = thread[run.clone()].iter();
-    let points = points.map(|(place, normal)| (place.as_vec3(), normal.as_vec3()));
+    let flatten = scene.flatten(look);
+    let points = points.map(|(place, normal)| ScenePoint {
+        position: place.as_vec3(),
+        normal: normal.as_vec3(),
+        flatten,
+    });
     // One stitch begins at each point: a thread has no loops that share a number of segments.
     scene.push_stitches(points, 0..index32(run.len()), look);
     let added = scene.strands.last_mut().expect("added just now");

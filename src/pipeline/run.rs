@@ -5,6 +5,7 @@
 //! and files of it are jobs of their own: its cloth is then knitted twice.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use super::RunError;
 use super::clock::{Clock, Task};
@@ -19,11 +20,13 @@ use super::settings::Settings;
 use super::stretch::pull;
 use super::summary::Done;
 use super::writers::wanted;
+use crate::drape::evenness::Evenness;
 use crate::drape::{self, Cloth, LayoutError, swatch_panel};
 use crate::edges::{Edges, Finished};
 use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
 use crate::knit::Pattern;
+use crate::knit::spread::Spread;
 use crate::map::Mapping;
 
 /// Files that show one cloth, before its yarns are laid.
@@ -77,10 +80,12 @@ pub fn drape(
     let parts = parts(whole, &garment, settings, source, &mut clock)?;
     let cloths = parts.iter().map(|part| {
         let garment = part.finished.as_ref().map_or(&garment, |(_, finished)| &finished.garment);
-        Cloth::cover_with(garment, &part.shown.fabric, part.pattern.clone())
-            .map_err(|error| misfit(error, source))
+        let shown = &part.shown.fabric;
+        let cloth = Cloth::cover_with(garment, shown, part.pattern.clone())
+            .map_err(|error| misfit(error, source))?;
+        Ok(cloth.with_spread(spread(settings, shown, &part.pattern)?))
     });
-    let cloths = cloths.collect::<Result<Vec<_>, _>>()?;
+    let cloths = cloths.collect::<Result<Vec<_>, RunError>>()?;
     let jobs: Vec<_> = parts
         .iter()
         .zip(&cloths)
@@ -170,7 +175,8 @@ pub fn swatch(
         }
     };
     let panel = swatch_panel(&shown, wales, courses);
-    let cloth = Cloth::swatch_with(&panel, &shown, pattern, [wales, courses]);
+    let spread = spread(&settings, &shown, &pattern)?;
+    let cloth = Cloth::swatch_with(&panel, &shown, pattern, [wales, courses]).with_spread(spread);
     let area =
         f64::from(wales) * fabric.wale_spacing() * f64::from(courses) * fabric.course_spacing();
     let job = Job {
@@ -191,6 +197,17 @@ pub fn swatch(
         stretched: stretched.clone(),
     };
     Ok(Done { stretched, ..make(&[job], clock)? })
+}
+
+/// How flat yarns lie, where the user did not choose it and cloth is not regular.
+fn spread(
+    settings: &Settings,
+    shown: &Fabric,
+    pattern: &Pattern,
+) -> Result<Option<Arc<Spread>>, RunError> {
+    let radius = drawn_radius(shown, settings.radius)?;
+    let follows = settings.flatten.is_none() && settings.picture.evenness == Evenness::Uneven;
+    Ok(follows.then(|| Arc::new(Spread::of(shown, pattern, radius))))
 }
 
 /// Flat area of a garment, mm².

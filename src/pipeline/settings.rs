@@ -62,8 +62,9 @@ pub struct Settings {
     pub sr: Option<u32>,
     /// Radius of the thickest yarn, mm. By default from its count.
     pub radius: Option<f64>,
-    /// Width over height of the tubes' section in files.
-    pub flatten: f64,
+    /// Width over height of the yarns' sections. By default it follows from contact with other
+    /// yarns ([`crate::knit::spread`]) in uneven cloth, and is 1 in regular cloth.
+    pub flatten: Option<f64>,
     /// Whether the tubes' ends are closed in files.
     pub caps: bool,
     /// Whether yarns are made of their fibres. By default captured cloth shows its fibres in
@@ -220,7 +221,7 @@ impl Default for Settings {
             st: None,
             sr: None,
             radius: None,
-            flatten: 1.0,
+            flatten: None,
             caps: false,
             fibres: None,
             fibre_radius: FIBRE_RADIUS,

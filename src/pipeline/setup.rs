@@ -85,9 +85,11 @@ impl Setup {
     /// The empty scene for the run's yarns.
     pub(super) fn scene(&self, job: &Job<'_>) -> Scene {
         let shape = job.settings.picture.shape;
-        let mut scene = textures::scene(shape, job.shown, self.section.radius, &self.textures);
+        let Section { radius, flatten, .. } = self.section;
+        let mut scene =
+            textures::scene(shape, job.shown, radius, &self.textures).flattened(flatten);
         edges::add_thread_look(&mut scene, job.threads);
-        Scene { evenness: job.options.evenness, ..scene }
+        Scene { evenness: job.options.evenness, spread: job.cloth.spread().cloned(), ..scene }
     }
 }
 
@@ -121,5 +123,5 @@ fn section(job: &Job<'_>) -> Result<Section, RunError> {
     let default = default_section(drawn_radius(job.shown, radius)?);
     let st = job.settings.st.unwrap_or(default.st);
     let sr = job.settings.sr.unwrap_or(default.sr);
-    Ok(Section { st, sr, flatten, caps, ..default })
+    Ok(Section { st, sr, flatten: flatten.unwrap_or(1.0), caps, ..default })
 }

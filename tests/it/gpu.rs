@@ -14,7 +14,7 @@ use warpknit::render::cloth;
 use warpknit::render::gpu::Gpu;
 use warpknit::render::maps::Maps;
 use warpknit::render::mips::{MapKind, Mips};
-use warpknit::render::scene::{Scene, Shape, YarnLook};
+use warpknit::render::scene::{Scene, ScenePoint, Shape, YarnLook};
 use warpknit::render::{Background, Camera, Painter, RenderOptions, RendererChoice, View, render};
 
 /// Whether there is an adapter, be it software; CI must have one.
@@ -92,7 +92,8 @@ fn ribbons(wales: u32, courses: u32) -> Scene {
         let stitches =
             &tubes.stitches[strand.stitches.start as usize..strand.stitches.end as usize];
         let stitches = stitches.iter().map(|stitch| stitch - strand.points.start);
-        scene.push_stitches(points.iter().map(|&point| (point, Vec3::Z)), stitches, strand.look);
+        let facing = |&position: &Vec3| ScenePoint { position, normal: Vec3::Z, flatten: 1.0 };
+        scene.push_stitches(points.iter().map(facing), stitches, strand.look);
     }
     scene
 }

@@ -59,6 +59,7 @@ mod seen;
 mod sequence;
 mod set;
 mod sheen;
+mod spread;
 mod strain;
 mod tile;
 #[cfg(all(feature = "view", target_os = "linux"))]

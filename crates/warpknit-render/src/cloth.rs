@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use crate::scene::{Scene, SceneStrand, YarnLook};
+use crate::scene::{Scene, ScenePoint, SceneStrand, YarnLook};
 use warpknit_core::drape::seen::{LEAD_POINTS, Seen, Stretches};
 use warpknit_core::drape::strands::Strand;
 use warpknit_core::drape::{Block, Cloth, DrapeOptions, run, swatch_panel};
@@ -93,13 +93,12 @@ fn add_run<'a>(
 ) -> &'a mut SceneStrand {
     let look = u16::try_from(block.bar).expect("machines have some tens of bars");
     let first = strand.points.start as usize;
-    let points = first + run.start..first + run.end;
-    let (positions, normals) =
-        (&block.draped.positions[points.clone()], &block.draped.normals[points]);
-    let points = positions
-        .iter()
-        .zip(normals)
-        .map(|(position, normal)| (position.as_vec3(), normal.as_vec3()));
+    let (spread, flatten) = (scene.spread.clone(), scene.flatten(look));
+    let points = (first + run.start..first + run.end).map(|point| ScenePoint {
+        position: block.draped.positions[point].as_vec3(),
+        normal: block.draped.normals[point].as_vec3(),
+        flatten: spread.as_ref().map_or(flatten, |spread| spread.ratio(block.origin_near(point))),
+    });
     // The first point of each stitch: a renderer draws the same number of segments for each.
     let pieces = block.strands.pieces_of(strand).map(|piece| piece.start);
     let within = pieces.filter(|start| run.contains(start)).map(|start| start - run.start);

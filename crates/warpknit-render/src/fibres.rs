@@ -147,10 +147,12 @@ pub fn scene(
                         fibres.push_strand(fibre.iter().copied(), look);
                     });
                 }
-                None => fibres.push_strand(
-                    points[spans.start..=spans.end].iter().map(|point| point.as_vec3()),
-                    strand.look,
-                ),
+                None => {
+                    let [start, end] =
+                        [spans.start, spans.end + 1].map(warpknit_core::ids::index32);
+                    let first = strand.points.start;
+                    fibres.push_range(yarns, first + start..first + end, strand.look);
+                }
             }
         }
     }
@@ -169,6 +171,7 @@ fn with_fibre_looks(yarns: &[YarnLook], bundles: &[Bundle]) -> Vec<YarnLook> {
 pub(crate) fn fibre_look(yarn: &YarnLook, radius: f64) -> YarnLook {
     YarnLook {
         radius: narrow(radius),
+        flatten: 1.0,
         plies: 1,
         twist_slope: Some(0.0),
         maps: None,

@@ -40,6 +40,7 @@ pub mod light;
 pub mod maps;
 pub mod mips;
 pub mod octahedral;
+pub mod oval;
 pub mod painter;
 mod paths;
 pub mod ply;

@@ -1,11 +1,11 @@
 //! Yarns as chains of short straight pieces (polylines), for all renderers.
 //!
-//! In: a scene and a level of subdivision. Out: [`YarnPaths`], a structure of arrays with 31 bytes
-//! a point. Points lie on the centripetal Catmull-Rom curve (Yuksel, Schaefer and Keyser 2011,
-//! 'Parameterization and applications of Catmull-Rom curves'). Each has the curve's unit tangent
-//! and a direction across it. For tubes that direction belongs to a rotation-minimising frame
-//! (double reflection: Wang, Jüttler, Zheng and Liu 2008, 'Computation of rotation minimizing
-//! frames'). For ribbons it is the fabric's normal.
+//! In: a scene and a level of subdivision. Out: [`YarnPaths`], a structure of arrays with 31
+//! bytes a point, or 35 where yarns are flattened. Points lie on the centripetal Catmull-Rom
+//! curve (Yuksel, Schaefer and Keyser 2011, 'Parameterization and applications of Catmull-Rom
+//! curves'). Each has the curve's unit tangent and a direction across it. For tubes that
+//! direction belongs to a rotation-minimising frame (double reflection: Wang, Jüttler, Zheng and
+//! Liu 2008, 'Computation of rotation minimizing frames'). For ribbons it is the fabric's normal.
 //!
 //! Coordinates are relative to the scene's centre, so that `f32` resolves a ten-thousandth of a
 //! millimetre on a garment. A strand is split at points that are not [`drawable`]. A single point
@@ -17,15 +17,19 @@ use glam::{DVec3, Vec3A, Vec4};
 
 use super::{Camera, RenderOptions};
 use crate::octahedral::PackedUnit;
+use crate::oval::{PackedOval, Press};
 use crate::point_run::{MAX_WIDENING, MergedSpans, PointRun};
 use crate::scene::{Scene, SceneStrand, Shape, drawable};
 use warpknit_core::ids::index32;
+use warpknit_core::number::narrow;
 use warpknit_core::yarn::curve::{self, Span};
 use warpknit_core::yarn::frame;
 
 /// Tolerance of the distance between a curve and its chord, pixels. Higher values show corners in
 /// loops. Lower ones add pieces that no pixel shows.
 const CHORD_ERROR: f64 = 0.2;
+/// Tolerance of the step of a section's half-width from a piece to the next, pixels.
+const TAPER_ERROR: f64 = 1.0;
 /// Limit of pieces between two data points. With 8, a half turn is drawn as half of a regular
 /// polygon with 16 sides. It bounds memory when the eye is close.
 const MAX_PIECES: u32 = 8;
@@ -62,14 +66,16 @@ pub(super) enum Subdivision<'a> {
 pub(super) struct YarnPaths {
     /// Offset from these coordinates to world coordinates.
     pub(super) centre: DVec3,
-    /// Points on the axis. w is the radius of the piece that starts there: 0 at a strand's end,
-    /// where no piece starts.
+    /// Points on the axis. w is the radius of the piece that starts there, or its section's shorter
+    /// half-axis: 0 at a strand's end, where no piece starts.
     pub(super) points: Vec<Vec4>,
     /// Unit tangents.
     pub(super) tangents: Vec<PackedUnit>,
     /// For tubes the unit vector across the yarn from which angles around it count, for ribbons the
     /// fabric's normal.
     pub(super) across: Vec<PackedUnit>,
+    /// Sections of the pieces that start at points. Empty where all yarns are round.
+    pub(super) ovals: Vec<PackedOval>,
     /// Arc length, mm, from an origin that differs from strand to strand.
     pub(super) along: Vec<f32>,
     /// Indices of the yarns' looks.
@@ -99,6 +105,7 @@ impl YarnPaths {
         self.points.extend_from_slice(&other.points);
         self.tangents.extend_from_slice(&other.tangents);
         self.across.extend_from_slice(&other.across);
+        self.ovals.extend_from_slice(&other.ovals);
         self.along.extend_from_slice(&other.along);
         self.looks.extend_from_slice(&other.looks);
         self.shades.extend_from_slice(&other.shades);
@@ -226,7 +233,7 @@ impl<'a> PathBuilder<'a> {
                 bulge = far.bulge;
                 continue;
             }
-            let count = pieces(&self.span(index), pixel);
+            let count = pieces(&self.span(index), pixel).max(self.tapers(index, pixel));
             for piece in 0..count {
                 self.push_point(index, f64::from(piece) / f64::from(count));
             }
@@ -234,6 +241,25 @@ impl<'a> PathBuilder<'a> {
             bulge = DVec3::ZERO;
         }
         self.push_point(last - 1, 1.0);
+    }
+
+    /// Number of pieces that keep the steps of a tapering section's width below [`TAPER_ERROR`],
+    /// as far as [`MAX_PIECES`] allows, given the size of a pixel at a point. Each piece has one
+    /// width.
+    fn tapers(&mut self, index: usize, pixel: impl Fn(DVec3) -> f64) -> u32 {
+        if self.run.presses.is_empty() {
+            return 1;
+        }
+        let span = self.span(index);
+        let widths = [0.0, 0.5, 1.0].map(|t| {
+            let tangent = span.tangent(t).as_vec3().normalize_or_zero();
+            self.press(index, narrow(t)).map_or(1.0, |press| press.oval(tangent).half_width())
+        });
+        let step = (widths[1] - widths[0]).abs() + (widths[2] - widths[1]).abs();
+        let step = f64::from(self.style.radius * step) / pixel(self.run.points[index]);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        let count = (step / TAPER_ERROR).ceil().clamp(1.0, f64::from(MAX_PIECES)) as u32;
+        count
     }
 
     /// Appends one piece for merged spans. Its arc length is that of the spans. It is widened by
@@ -305,6 +331,12 @@ impl<'a> PathBuilder<'a> {
         }
     }
 
+    /// How the yarn is pressed at parameter `t` of the span after point `index`.
+    fn press(&self, index: usize, t: f32) -> Option<Press> {
+        let ends = self.run.presses.get(index..index + 2)?;
+        Some(ends[0].lerp(ends[1], t))
+    }
+
     /// Appends the point at parameter `t` of the span after point `index`. None is appended in the
     /// lead.
     fn push_point(&mut self, index: usize, t: f64) {
@@ -329,7 +361,12 @@ impl<'a> PathBuilder<'a> {
                 .ribbon_normal(self.run.normals[index].lerp(self.run.normals[index + 1], share)),
         };
         let [start, end] = [self.run.thickness[index], self.run.thickness[index + 1]];
-        let radius = self.style.radius * (start + (end - start) * share);
+        let mut radius = self.style.radius * (start + (end - start) * share);
+        if let Some(press) = self.press(index, share) {
+            let oval = press.oval(frame.tangent.into());
+            radius *= oval.height();
+            self.paths.ovals.push(oval.pack());
+        }
         self.paths.points.push(position.as_vec3().extend(radius));
         self.paths.tangents.push(PackedUnit::new(frame.tangent.into()));
         self.paths.across.push(PackedUnit::new(across.into()));

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A};
 
+use crate::oval::Press;
 use crate::scene::{Scene, SceneStrand, Shape};
 use warpknit_core::yarn::curve;
 
@@ -25,6 +26,8 @@ pub(super) struct PointRun {
     pub(super) points: Vec<DVec3>,
     /// The fabric's normals, for ribbons.
     pub(super) normals: Vec<Vec3A>,
+    /// How the yarn is pressed, for tubes. Empty where all yarns are round.
+    pub(super) presses: Vec<Press>,
     /// Factors on the yarn's radius.
     pub(super) thickness: Vec<f32>,
     /// Points at which stitches begin or end, including both ends of the run.
@@ -50,12 +53,15 @@ impl PointRun {
                 scene.normals[start..end].iter().map(|normal| Vec3A::from(normal.unpack())),
             );
         }
+        self.presses.clear();
+        self.presses.extend(range.clone().map_while(|point| scene.press(point)));
         self.thickness.clear();
         self.thickness.extend(range.map(|point| scene.thickness(strand, point)));
         // A single point gets a copy, so that it is a piece of length 0: a ball.
         if let [only] = self.points[..] {
             self.points.push(only);
             self.normals.extend_from_within(..);
+            self.presses.extend_from_within(..);
             self.thickness.extend_from_within(..);
         }
         let last = self.points.len() - 1;

@@ -1,20 +1,25 @@
 //! The scene: what renderers draw. Yarns are control points with a look for each guide bar.
 //!
 //! In: strands of the blocks that [`warpknit_core::drape`] hands out. Out: control points in `f32`
-//! as a structure of arrays, with 12 bytes a data point and 4 a stitch, so that millions of
+//! as a structure of arrays, with 12 bytes a data point, or 16 where yarns
+//! are flattened, and 4 a stitch, so that millions of
 //! stitches fit into memory. Renderers subdivide the curves on their own.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::maps::Maps;
 use crate::octahedral::PackedUnit;
+use crate::oval::{PackedPress, Press};
 use crate::ply;
 pub use crate::shape::Shape;
 use warpknit_core::drape::evenness::{self, Evenness};
 use warpknit_core::ids::{YarnId, index32};
+use warpknit_core::knit::spread::Spread;
+use warpknit_core::number::narrow;
 
 /// Largest coordinate that renderers accept, mm: ten kilometres. Beyond it, `f32` has a spacing of
 /// a millimetre, and whole stitches coincide.
@@ -63,8 +68,11 @@ pub struct YarnLook {
     pub roughness: f32,
     /// 0 for fibres, 1 for metal.
     pub metallic: f32,
-    /// Radius, mm.
+    /// Radius, mm. For a flattened yarn it is that of the circle of the same area.
     pub radius: f32,
+    /// Ratio of the section's width to its height, from 0.1 to 10. 1 is round; over 1 it lies flat
+    /// in the fabric's plane. Ribbons have none.
+    pub flatten: f32,
     /// Number of single yarns that are twisted around each other.
     pub plies: u32,
     /// Twist as a slope: circumference over the length of one turn, of the plies, or of the fibres
@@ -101,6 +109,7 @@ impl YarnLook {
             roughness,
             metallic: 0.0,
             radius,
+            flatten: 1.0,
             plies: 3,
             twist_slope: None,
             sheen: 0.0,
@@ -137,11 +146,15 @@ pub struct Scene {
     pub shape: Shape,
     /// Whether yarns vary in thickness and lightness.
     pub evenness: Evenness,
+    /// How flat the cloth's yarns lie. Otherwise [`YarnLook::flatten`] tells.
+    pub spread: Option<Arc<Spread>>,
     /// Control points of all strands, mm. The yarn passes through each of them (centripetal
     /// Catmull-Rom, [`warpknit_core::yarn::curve`]).
     pub positions: Vec<Vec3>,
     /// Normal of the fabric at each control point, for ribbons. Empty for tubes.
     pub normals: Vec<PackedUnit>,
+    /// How yarns are pressed at each control point, for tubes. Empty where all of them are round.
+    pub presses: Vec<PackedPress>,
     /// Index of the first control point of each stitch.
     pub stitches: Vec<u32>,
     /// Strands in yarn order. Their ranges of points rise and do not overlap.
@@ -153,6 +166,18 @@ pub struct Scene {
     /// Box around the whole cloth, if the scene holds what a picture sees of it. So a picture does
     /// not depend on how much of the cloth is there.
     pub extent: Option<Bounds>,
+}
+
+/// A control point of a yarn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScenePoint {
+    /// Its place, mm.
+    pub position: Vec3,
+    /// The fabric's unit normal there.
+    pub normal: Vec3,
+    /// Width over height of the yarn's section, from 0.1 to 10. Within a strand it is nowhere
+    /// over 1 or nowhere under 1.
+    pub flatten: f32,
 }
 
 /// Distances between neighbouring data points, mm.
@@ -235,10 +260,18 @@ impl Scene {
         Self { shape, looks, maps, ..Self::default() }
     }
 
+    /// The same, with sections `ratio` times as wide as high. It has no yarns yet.
+    #[must_use]
+    pub fn flattened(mut self, ratio: f64) -> Self {
+        self.looks.iter_mut().for_each(|look| look.flatten = narrow(ratio));
+        self
+    }
+
     /// Removes the yarns and keeps their looks.
     pub fn clear(&mut self) {
         self.positions.clear();
         self.normals.clear();
+        self.presses.clear();
         self.stitches.clear();
         self.strands.clear();
     }
@@ -253,7 +286,9 @@ impl Scene {
     /// assert_eq!(scene.strands[0].points, 0..2);
     /// ```
     pub fn push_strand(&mut self, points: impl IntoIterator<Item = Vec3>, look: u16) {
-        self.push_stitches(points.into_iter().map(|point| (point, Vec3::Z)), [0], look);
+        let flatten = self.flatten(look);
+        let facing = |position| ScenePoint { position, normal: Vec3::Z, flatten };
+        self.push_stitches(points.into_iter().map(facing), [0], look);
         if let Some(SceneStrand { points, stitches, .. }) = self.strands.last_mut() {
             // No stitch begins at the last point, where no span does.
             let further = (points.start + STITCH_SPANS)..points.end.saturating_sub(1);
@@ -262,21 +297,26 @@ impl Scene {
         }
     }
 
-    /// Appends one strand through points, each with the fabric's unit normal. `stitches` are the
-    /// indices, from 0, of the points that begin stitches.
+    /// Appends one strand through points. `stitches` are the indices, from 0, of the points that
+    /// begin stitches.
     pub fn push_stitches(
         &mut self,
-        points: impl IntoIterator<Item = (Vec3, Vec3)>,
+        points: impl IntoIterator<Item = ScenePoint>,
         stitches: impl IntoIterator<Item = u32>,
         look: u16,
     ) {
         // Indices are 32 bits wide: half the memory of `usize`.
         let (start, first) = (index32(self.positions.len()), index32(self.stitches.len()));
-        for (point, normal) in points {
-            self.positions.push(point);
-            if self.shape == Shape::Ribbon {
-                self.normals.push(PackedUnit::new(normal));
+        for ScenePoint { position, normal, flatten } in points {
+            match self.shape {
+                Shape::Ribbon => self.normals.push(PackedUnit::new(normal)),
+                Shape::Tube if flatten != 1.0 || !self.presses.is_empty() => {
+                    self.presses.resize(self.positions.len(), PackedPress::default());
+                    self.presses.push(PackedPress::new(normal, flatten));
+                }
+                Shape::Tube => {}
             }
+            self.positions.push(position);
         }
         self.stitches.extend(stitches.into_iter().map(|stitch| start + stitch));
         let (points, stitches) =
@@ -299,8 +339,30 @@ impl Scene {
         let SceneStrand { points: all, look, .. } = &of.strands[strand];
         let (start, end) =
             (points.start.saturating_sub(1).max(all.start), all.end.min(points.end + 1));
-        let positions = &of.positions[start as usize..end as usize];
-        self.push_strand(positions.iter().copied(), *look);
+        self.push_range(of, start..end, *look);
+    }
+
+    /// Appends some control points of another scene as a strand.
+    pub(crate) fn push_range(&mut self, of: &Self, points: Range<u32>, look: u16) {
+        let range = points.start as usize..points.end as usize;
+        let first = self.positions.len();
+        self.push_strand(of.positions[range.clone()].iter().copied(), look);
+        if !of.presses.is_empty() {
+            self.presses.truncate(first);
+            self.presses.resize(first, PackedPress::default());
+            self.presses.extend_from_slice(&of.presses[range]);
+        }
+    }
+
+    /// Width over height of the sections of yarns with a look, where no [`Self::spread`] tells.
+    #[must_use]
+    pub fn flatten(&self, look: u16) -> f32 {
+        self.looks.get(usize::from(look)).map_or(1.0, |look| look.flatten)
+    }
+
+    /// How the yarn is pressed at a control point; `None` where all yarns are round.
+    pub(crate) fn press(&self, point: u32) -> Option<Press> {
+        self.presses.get(point as usize).map(|press| press.unpack())
     }
 
     /// The textures of a look, if it has any.
@@ -356,6 +418,21 @@ impl Scene {
     #[must_use]
     pub fn radii(&self) -> (f32, f32) {
         radii(self.strand_looks())
+    }
+
+    /// How far a strand's section reaches from its axis at most, mm.
+    fn reach(&self, strand: &SceneStrand) -> f32 {
+        let look = &self.looks[usize::from(strand.look)];
+        let spread = self.spread.as_ref().filter(|_| look.kind == YarnKind::Yarn);
+        let ratio = spread.map_or(look.flatten, |spread| spread.widest());
+        look.radius * ratio.max(ratio.recip()).sqrt()
+    }
+
+    /// How far the section of any yarn reaches from its axis, mm.
+    pub(crate) fn widest_reach(&self) -> f32 {
+        let drawable = self.strands.iter().filter(|strand| self.radius(strand).is_some());
+        let reaches = drawable.map(|strand| self.reach(strand));
+        reaches.fold(0.0, f32::max)
     }
 
     /// As [`Scene::radii`], without sewing thread. Where there is nothing else, it counts.
@@ -440,7 +517,10 @@ impl Scene {
         }
         let mut bounds: Option<Bounds> = None;
         for strand in &self.strands {
-            let Some(radius) = self.radius(strand) else { continue };
+            if self.radius(strand).is_none() {
+                continue;
+            }
+            let radius = self.reach(strand);
             let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
             for &point in points.iter().filter(|&&point| drawable(point)) {
                 let ball = Bounds { min: point - radius, max: point + radius };

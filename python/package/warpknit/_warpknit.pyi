@@ -162,7 +162,7 @@ class Yarns:
         *paths: _Path,
         st: int | None = None,
         sr: int | None = None,
-        flatten: float = 1.0,
+        flatten: float | None = None,
         caps: bool = False,
         curves: bool = False,
         size: tuple[int, int] = (1600, 1200),

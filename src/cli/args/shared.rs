@@ -43,10 +43,10 @@ pub(crate) struct Shared {
     /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) radius: Option<f64>,
-    /// Width over height of the tubes' section in files: over 1 it lies flat in the fabric's plane;
-    /// its area is kept
-    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening, allow_negative_numbers = true)]
-    pub(crate) flatten: f64,
+    /// Width over height of the yarns' section: over 1 it lies flat in the fabric's plane; its
+    /// area is kept [default: as flat as the neighbours leave room, and 1 with --regular]
+    #[arg(long, value_name = "K", value_parser = flattening, allow_negative_numbers = true)]
+    pub(crate) flatten: Option<f64>,
     /// Close the tubes' ends
     #[arg(long)]
     pub(crate) caps: bool,

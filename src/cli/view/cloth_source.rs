@@ -15,6 +15,7 @@ use warpknit::drape::{self, Block, Cloth, DrapeOptions, Totals};
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::garment::{Garment, Panel};
 use warpknit::knit::Pattern;
+use warpknit::knit::spread::Spread;
 use warpknit::render::cloth;
 use warpknit::render::scene::{Scene, Shape};
 use warpknit::report::Timings;
@@ -43,6 +44,8 @@ pub(super) struct ClothSource {
     cache: Option<PathBuf>,
     /// Tubes or ribbons, as the command line asks.
     shape: Shape,
+    /// Width over height of the yarns' sections, where the user chose it.
+    flatten: Option<f64>,
     /// Whether stitches are alike.
     evenness: Evenness,
 }
@@ -137,6 +140,7 @@ impl ClothSource {
             edges: arguments.edges.map(Into::into),
             cache: arguments.laying.cache(),
             shape: shared.drawing.shape.into(),
+            flatten: shared.flatten,
             evenness: shared.drawing.evenness(),
         })
     }
@@ -224,6 +228,12 @@ impl ClothSource {
         StrainCache::open(self.cache.as_deref().filter(|_| is_first), cloth)
     }
 
+    /// How flat yarns lie, where the user did not choose it.
+    fn spread(&self, cloth: &Cloth<'_>, fabric: &Fabric, radius: f64) -> Option<Arc<Spread>> {
+        let follows = self.flatten.is_none() && self.evenness == Evenness::Uneven;
+        follows.then(|| Arc::new(Spread::of(fabric, cloth.pattern(), radius)))
+    }
+
     /// Runs the pipeline on a cloth and collects its blocks in a scene. It checks after each group
     /// of blocks whether the cloth is still wanted.
     fn lay(
@@ -240,7 +250,9 @@ impl ClothSource {
         let textures = &self.choices[recipe.fabric].textures;
         let mut scene = Scene {
             evenness: self.evenness,
+            spread: self.spread(cloth, fabric, radius),
             ..pipeline::scene(recipe.shape, fabric, radius, textures)
+                .flattened(self.flatten.unwrap_or(1.0))
         };
         let totals = {
             let clock = RefCell::new(&mut clock);

@@ -13,6 +13,7 @@ use std::ops::RangeInclusive;
 use glam::{DVec2, DVec3, Quat, Vec3, Vec3A};
 
 use crate::octahedral::PackedUnit;
+use crate::oval::{Oval, PackedPress};
 use crate::paths::{PLAIN_SHADE, TangentFrame, YarnPaths, pieces};
 use warpknit_core::number::narrow;
 use warpknit_core::yarn::curve;
@@ -23,6 +24,8 @@ struct PathPoint {
     position: DVec3,
     tangent: Vec3A,
     across: Vec3A,
+    /// The section, where yarns are flattened.
+    oval: Option<Oval>,
     /// Arc length from the start of the repeat, mm.
     along: f64,
 }
@@ -52,8 +55,9 @@ pub(super) struct Copies {
 
 impl ClosedPath {
     /// Subdivides one repeat of a yarn as pictures do whose pixels are `pixel` mm wide. `controls` are
-    /// its control points, at least one.
-    pub(super) fn new(controls: &[DVec3], period: DVec3, pixel: f64) -> Self {
+    /// its control points, at least one, and `ratios` the width over the height of its section at
+    /// each, or none where yarns are round.
+    pub(super) fn new(controls: &[DVec3], ratios: &[f32], period: DVec3, pixel: f64) -> Self {
         let unrolled = unrolled(controls, period);
         let mut frame = TangentFrame::default();
         let (mut points, mut along) = (Vec::new(), 0.0);
@@ -65,7 +69,13 @@ impl ClosedPath {
                 let position = span.at(t);
                 along += frame.advance(position, span.tangent(t));
                 let (tangent, across) = (frame.tangent, frame.across);
-                points.push(PathPoint { position, tangent, across, along });
+                let ends = ratios.get(index - 1).zip(ratios.get(index % controls.len()));
+                let oval = ends.map(|(start, end)| {
+                    let [start, end] =
+                        [start, end].map(|ratio| PackedPress::new(Vec3::Z, *ratio).unpack());
+                    start.lerp(end, narrow(t)).oval(tangent.into())
+                });
+                points.push(PathPoint { position, tangent, across, oval, along });
             }
         }
         let last = curve::span(&unrolled, controls.len());
@@ -101,7 +111,8 @@ impl YarnPaths {
     /// included.
     pub(super) fn push_copies(&mut self, path: &ClosedPath, copies: &Copies) {
         let [low, high] = path.bounds();
-        let reach = DVec3::splat(f64::from(copies.radius));
+        let widest = path.points.iter().filter_map(|point| Some(point.oval?.half_width()));
+        let reach = DVec3::splat(f64::from(copies.radius * widest.fold(1.0, f32::max)));
         let (low, high) = (low - reach, high + reach);
         // The period is along one axis of the cell, and strands lie side by side along the other.
         let runs_across = path.period.x.abs() > path.period.y.abs();
@@ -131,7 +142,12 @@ impl YarnPaths {
     /// Appends a point, moved by `shift` and by an arc length.
     fn push_copy(&mut self, point: &PathPoint, shift: DVec3, before: f64, copies: &Copies) {
         let position = point.position + shift - self.centre;
-        self.points.push(position.as_vec3().extend(copies.radius));
+        let mut radius = copies.radius;
+        if let Some(oval) = point.oval {
+            radius *= oval.height();
+            self.ovals.push(oval.pack());
+        }
+        self.points.push(position.as_vec3().extend(radius));
         self.tangents.push(PackedUnit::new(point.tangent.into()));
         self.across.push(PackedUnit::new(point.across.into()));
         self.along.push(narrow(before + point.along));
@@ -179,7 +195,7 @@ mod tests {
                 DVec3::new(0.3 * angle.cos(), f64::from(at) / 12.0, 0.3 * angle.sin())
             })
             .collect();
-        ClosedPath::new(&points, DVec3::Y, 1e-3)
+        ClosedPath::new(&points, &[], DVec3::Y, 1e-3)
     }
 
     fn copies(within: [DVec2; 2]) -> YarnPaths {

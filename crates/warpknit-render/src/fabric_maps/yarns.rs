@@ -20,6 +20,7 @@ use crate::scene::{Scene, YarnLook};
 use warpknit_core::fabric::Fabric;
 use warpknit_core::ids::index32;
 use warpknit_core::knit::mesh::StructureMesh;
+use warpknit_core::knit::spread::Spread;
 use warpknit_core::knit::{Knitted, Pattern};
 use warpknit_core::number::narrow;
 
@@ -38,8 +39,24 @@ pub(super) struct TiledYarn {
     bar: usize,
     /// Its control points over one repeat, mm from the repeat's lowest-left corner.
     pub(super) points: Vec<DVec3>,
+    /// Their data points in the fabric's repeat.
+    origins: Vec<u32>,
     /// From a point to the same point in the next repeat, mm.
     period: DVec3,
+}
+
+impl TiledYarn {
+    /// Width over height of its section at each point, as flat as the yarns of a scene lie. None
+    /// where all of those are round.
+    fn ratios(&self, scene: &Scene) -> Vec<f32> {
+        let ratio = |spread: &Spread| self.origins.iter().map(|&at| spread.ratio(at)).collect();
+        let even = |look: &YarnLook| vec![look.flatten; self.points.len()];
+        match &scene.spread {
+            Some(spread) => ratio(spread),
+            None if scene.looks.iter().all(|look| look.flatten == 1.0) => Vec::new(),
+            None => even(&scene.looks[self.bar]),
+        }
+    }
 }
 
 impl RepeatScene {
@@ -62,7 +79,7 @@ impl RepeatScene {
         for yarn in yarns {
             let look = u16::try_from(made.scene.looks.len())
                 .map_err(|_over| FabricMapsError::TooManyYarns { yarns: yarns.len() })?;
-            let path = ClosedPath::new(&yarn.points, yarn.period, pixel);
+            let path = ClosedPath::new(&yarn.points, &yarn.ratios(bars), yarn.period, pixel);
             let drawn = closed_look(&bars.looks[yarn.bar], path.length);
             let copies = Copies { within, cell, radius: drawn.radius, look };
             made.paths.push_copies(&path, &copies);
@@ -87,7 +104,8 @@ pub(super) fn repeat_yarns(fabric: &Fabric, pattern: &Pattern) -> Vec<TiledYarn>
         for number in (0..numbers).filter(|&number| pattern.has_yarn(bar, number)) {
             let mut knitted = Knitted::default();
             pattern.lay(bar, number, 0..steps, &mesh, &mut knitted);
-            yarns.push(TiledYarn { bar, points: knitted.points, period });
+            let Knitted { points, origins, .. } = knitted;
+            yarns.push(TiledYarn { bar, points, origins, period });
         }
     }
     yarns

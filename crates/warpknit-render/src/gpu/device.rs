@@ -170,7 +170,7 @@ fn missing_capability(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<
     // Vertices are expanded from storage buffers in the vertex shader.
     let downlevel = adapter.get_downlevel_capabilities().flags;
     if !downlevel.contains(wgpu::DownlevelFlags::VERTEX_STORAGE)
-        || device.limits().max_storage_buffers_per_shader_stage < 5
+        || device.limits().max_storage_buffers_per_shader_stage < 6
     {
         return Some("storage buffers for vertices".to_owned());
     }

@@ -83,6 +83,8 @@ pub struct Yarns {
     lod: LodRules,
     /// Whether any look has a sheen.
     has_sheen: bool,
+    /// Whether any section is no circle.
+    is_flattened: bool,
     looks: wgpu::Buffer,
     thinnest: f32,
     /// Radii of the thinnest and of the thickest yarn that is no fibre or hair.
@@ -137,6 +139,7 @@ impl Renderer {
         if looks.is_empty() {
             looks.push(bytemuck::Zeroable::zeroed());
         }
+        let is_flattened = !scene.presses.is_empty();
         let has_sheen = scene.looks.iter().any(|look| look.sheen > 0.0);
         let looks = self.gpu.store("looks", bytemuck::cast_slice(&looks), BufferUsages::STORAGE);
         let most = self.gpu.device.limits().max_texture_dimension_2d;
@@ -167,6 +170,7 @@ impl Renderer {
             shape: scene.shape,
             lod,
             has_sheen,
+            is_flattened,
             looks,
             thinnest,
             yarn_radii: scene.yarn_radii(),

@@ -1,12 +1,14 @@
 //! Yarns in the device's memory: points in pages that fit its binding limits, divided into chunks
 //! that are culled and coarsened one by one.
 //!
-//! In: a scene and St. Out: [`Page`]s, with 24 bytes a point on the device and 32 bytes a chunk of
-//! up to [`CHUNK`] pieces on the host. Strands are subdivided a window at a time, so the memory
-//! beside the pages does not grow with the fabric. All passes share a page's bind group.
+//! In: a scene and St. Out: [`Page`]s, with 24 bytes a point on the device, or 28 where yarns are
+//! flattened, and 32 bytes a chunk of up to [`CHUNK`] pieces on the host. Strands are subdivided
+//! a window at a time, so the memory beside the pages does not grow with the fabric. All passes
+//! share a page's bind group.
 
 use std::array::from_fn;
 
+use bytemuck::bytes_of;
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 use wgpu::BufferUsages;
@@ -15,6 +17,7 @@ use super::data::{self, CHUNK, KNOTS, PARTS};
 use super::device::Gpu;
 use crate::GpuError;
 use crate::octahedral::PackedUnit;
+use crate::oval::{Oval, PackedOval};
 use crate::paths::{PLAIN_SHADE, Subdivision, YarnPaths};
 use crate::scene::{Scene, YarnLook};
 use warpknit_core::ids::index32;
@@ -47,6 +50,8 @@ pub(super) struct Page {
     pub(super) chunk_bounds: Vec<ChunkBounds>,
     pub(super) points: wgpu::Buffer,
     pub(super) tangent_frames: wgpu::Buffer,
+    /// Sections of flattened yarns, or a single one that stands for round ones.
+    pub(super) ovals: wgpu::Buffer,
     pub(super) chunks: wgpu::Buffer,
 }
 
@@ -55,6 +60,7 @@ pub(super) struct Page {
 struct Draft {
     points: Vec<[f32; 4]>,
     tangent_frames: Vec<[PackedUnit; 2]>,
+    ovals: Vec<PackedOval>,
     chunks: Vec<data::Chunk>,
     chunk_bounds: Vec<ChunkBounds>,
 }
@@ -67,13 +73,14 @@ fn uneven_byte(factor: f32) -> u8 {
     byte.to_le_bytes()[0]
 }
 
-/// A chunk's [`data::Chunk::thickness`], from its points and the even radius.
-fn thickness(points: &[Vec4], even: f32) -> [u32; 2] {
+/// A chunk's [`data::Chunk::thickness`], from its points, their sections and the even radius.
+fn thickness(points: &[Vec4], ovals: &[PackedOval], even: f32) -> [u32; 2] {
     let (last, steps) = (points.len() - 1, KNOTS as usize - 1);
-    let radius = |at: usize| match points[at].w {
+    let own = |at: usize| points[at].w / oval(ovals, at).height();
+    let radius = |at: usize| match own(at) {
         // A strand's last radius is 0, since no piece starts there.
         radius if radius > 0.0 => radius,
-        _ => points[at.saturating_sub(1)].w,
+        _ => own(at.saturating_sub(1)),
     };
     let byte = |knot: usize| {
         let (low, rest) = (knot * last / steps, knot * last % steps);
@@ -83,6 +90,11 @@ fn thickness(points: &[Vec4], even: f32) -> [u32; 2] {
         uneven_byte((from + (to - from) * share) / even)
     };
     [0, 4].map(|first| u32::from_le_bytes(from_fn(|at| byte(first + at))))
+}
+
+/// The section at a point of a chunk, of which ovals are known or none.
+fn oval(ovals: &[PackedOval], at: usize) -> Oval {
+    ovals.get(at).map_or(Oval::ROUND, |oval| oval.unpack())
 }
 
 /// The longest step, a power of two, with which the chords between a chunk's points are together at
@@ -165,6 +177,8 @@ impl Draft {
         let range = start..=start + pieces as usize;
         let first = index32(self.points.len());
         let (points, along) = (&paths.points[range.clone()], &paths.along[range.clone()]);
+        let ovals = paths.ovals.get(range.clone()).unwrap_or_default();
+        self.ovals.extend_from_slice(ovals);
         self.points.extend(
             points.iter().zip(along).map(|(point, &along)| [point.x, point.y, point.z, along]),
         );
@@ -176,13 +190,15 @@ impl Draft {
             count: pieces,
             look: u32::from(look),
             lightness: uneven_byte(f32::from(paths.shades[start]) / f32::from(PLAIN_SHADE)).into(),
-            thickness: thickness(points, looks[usize::from(look)].radius),
+            thickness: thickness(points, ovals, looks[usize::from(look)].radius),
         });
         // The ball around the bounding box: looser than the smallest ball, but computed in one
         // pass.
         let low = points.iter().fold(Vec3::INFINITY, |low, point| low.min(point.truncate()));
         let high = points.iter().fold(Vec3::NEG_INFINITY, |high, point| high.max(point.truncate()));
-        let thickest = points.iter().map(|point| point.w).fold(0.0, f32::max);
+        let reaches =
+            (0..).zip(points).map(|(at, point)| point.w * oval(ovals, at).reaches().max_element());
+        let thickest = reaches.fold(0.0, f32::max);
         let length = points
             .windows(2)
             .map(|ends| ends[0].truncate().distance(ends[1].truncate()))
@@ -204,6 +220,11 @@ impl Draft {
                 bytemuck::cast_slice(&self.tangent_frames),
                 usage,
             ),
+            // Every binding needs a resource.
+            ovals: match &self.ovals[..] {
+                [] => gpu.store("ovals", bytes_of(&Oval::ROUND.pack()), usage),
+                ovals => gpu.store("ovals", bytemuck::cast_slice(ovals), usage),
+            },
             chunks: gpu.store("chunks", bytemuck::cast_slice(&self.chunks), usage),
             chunk_bounds: self.chunk_bounds,
         };

@@ -31,7 +31,8 @@ impl Yarns {
         };
         // Depth passes do not shade, so they share pipelines with and without sheen.
         let has_sheen = self.has_sheen && matches!(pass_kind, PassKind::Light | PassKind::Fuzz);
-        PipelineKey { expansion, pass_kind, has_maps: key.maps.is_some(), has_sheen }
+        let (has_maps, is_flattened) = (key.maps.is_some(), self.is_flattened);
+        PipelineKey { expansion, pass_kind, has_maps, has_sheen, is_flattened }
     }
 }
 
@@ -107,13 +108,13 @@ impl Renderer {
             offset: 0,
             size: std::num::NonZeroU64::new(size_of::<data::Draw>() as u64),
         });
-        let stored = [&page.points, &page.tangent_frames, &page.chunks, &parts]
+        let stored = [&page.points, &page.tangent_frames, &page.chunks, &parts, &page.ovals]
             .map(wgpu::Buffer::as_entire_binding);
-        let [points, tangent_frames, chunks, parts] = stored;
+        let [points, tangent_frames, chunks, parts, ovals] = stored;
         Some(self.gpu.group(
             "page",
             &self.layouts.page,
-            &[points, tangent_frames, chunks, parts, draw],
+            &[points, tangent_frames, chunks, parts, draw, ovals],
         ))
     }
 

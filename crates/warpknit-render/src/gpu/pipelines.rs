@@ -45,6 +45,7 @@ pub(super) struct PipelineKey {
     pub(super) has_maps: bool,
     /// Whether yarns may have a sheen.
     pub(super) has_sheen: bool,
+    pub(super) is_flattened: bool,
 }
 
 impl PipelineKey {
@@ -144,6 +145,7 @@ impl Layouts {
                     buffer(2, vertex, STORED, false),
                     buffer(3, vertex, STORED, false),
                     buffer(4, vertex, UNIFORM, true),
+                    buffer(5, vertex, STORED, false),
                 ],
             ),
             maps: layout(
@@ -217,7 +219,7 @@ fn yarn_pipeline(
     key: PipelineKey,
     samples: u32,
 ) -> wgpu::RenderPipeline {
-    let PipelineKey { expansion, pass_kind, has_maps, has_sheen } = key;
+    let PipelineKey { expansion, pass_kind, has_maps, has_sheen, is_flattened } = key;
     let samples = if pass_kind == PassKind::Depth { 1 } else { samples };
     let groups = if matches!(pass_kind, PassKind::Depth | PassKind::Prepass) { 3 } else { 4 };
     let groups =
@@ -234,6 +236,7 @@ fn yarn_pipeline(
         ("FUZZ", switch(is_fuzz)),
         ("MAPS", switch(has_maps)),
         ("SHEEN", switch(has_sheen)),
+        ("FLATTENED", switch(is_flattened)),
     ];
     let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     let blend = is_fuzz.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);

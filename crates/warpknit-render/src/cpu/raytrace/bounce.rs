@@ -29,6 +29,7 @@ use crate::bvh::tree::{Hit, Waiting};
 use crate::cpu::sample::{SampleDimension, Sampler};
 use crate::cpu::share;
 use crate::light::SKY_REACH_RADII;
+use crate::oval::Oval;
 use crate::ply::hash;
 use warpknit_core::ids::index32;
 
@@ -124,7 +125,10 @@ impl RayTracer<'_> {
         waiting: &mut Waiting,
     ) -> Vec3 {
         let (start, end) = self.bvh.segments.ends(hit.shape);
-        let (from, along) = (ray.at(hit.distance) - start.truncate(), (end - start).truncate());
+        // Sides count by the surface's normal, which is that of a circle where it is shrunk.
+        let oval = self.bvh.segments.oval(hit.shape);
+        let from = oval.shrunk(oval.shrunk(ray.at(hit.distance) - start.truncate()));
+        let along = (end - start).truncate();
         let length2 = along.length_squared();
         // The sides of the straight segment, not of length 1: roots would take as long as all the rest.
         let to_right = along.cross(sides.toward_eye);
@@ -234,7 +238,8 @@ impl RayTracer<'_> {
             start,
             position: from.lerp(to, along.fract()).truncate(),
             normal: [right, -right, front, -front][side],
-            radius: from.w,
+            radius: from.w / segments.oval(start).height(),
+            oval: segments.oval(start),
             footprint: self.eye.pixel_at(from.truncate()),
         }
     }
@@ -248,13 +253,16 @@ struct SidePlace {
     position: Vec3,
     normal: Vec3,
     radius: f32,
+    oval: Oval,
     /// Size of a pixel, mm.
     footprint: f32,
 }
 
 impl SidePlace {
     fn ray(&self, direction: Vec3, reach: f32) -> SceneRay {
-        let origin = self.position + self.normal * (self.radius * (1.0 + ORIGIN_OFFSET));
+        let outward = self.oval.place_facing(self.normal);
+        let half_height = self.radius * self.oval.height();
+        let origin = self.position + outward * (half_height * (1.0 + ORIGIN_OFFSET));
         SceneRay { origin, direction, reach, footprint: self.footprint, random_bits: 0 }
     }
 }

@@ -80,9 +80,14 @@ impl SegmentLeaf {
     }
 
     /// The segments whose infinite cylinders the ray's line meets, as bits, and what
-    /// [`Self::distances`] needs to go on.
+    /// [`Beside::distances`] needs to go on. `ovals` are the vectors of flattened sections
+    /// ([`crate::oval`]), for which the radii are shorter half-axes.
     #[inline(always)]
-    pub(super) fn near<S: Eight>(&self, ray: &LaneRay<S>) -> (u32, Beside<S>) {
+    pub(super) fn near<S: Eight>(
+        &self,
+        ray: &LaneRay<S>,
+        ovals: Option<Lanes3<S>>,
+    ) -> (u32, Beside<S>) {
         let simd = ray.simd;
         let (a, b) = self.ends(simd);
         // Move the origin beside the capsule. With an origin at 4000 mm, |o|^2 - r^2 would have no
@@ -92,17 +97,26 @@ impl SegmentLeaf {
         let beside = (middle - ray.origin).dot(ray.direction);
         let from_a = (ray.origin - a) + ray.direction * beside;
         let ab = b - a;
+        let one = Lanes::all(simd, 1.0);
+        let (from_a, ab, direction, unit) = match ovals {
+            None => (from_a, ab, ray.direction, one),
+            Some(q) => {
+                let direction = shrunk(ray.direction, q);
+                let unit = one / direction.dot(direction).sqrt();
+                (shrunk(from_a, q), shrunk(ab, q), direction * unit, unit)
+            }
+        };
         // Early out: most capsules in a leaf of the hierarchy are missed. The distance between the
         // ray's line and the axis' line is |missed| / |normal|. Comparing its square needs neither a
         // root nor a division. The factor 1.0001 covers rounding; below 1 + 1e-6 it would reject
         // grazing hits, and a larger one would only reject fewer misses early.
-        let normal = ray.direction.cross(ab);
+        let normal = direction.cross(ab);
         let missed = from_a.dot(normal);
         let radius = Lanes::new(simd, self.radii);
         let radius2 = radius * radius;
         let most = radius2 * Lanes::all(simd, 1.000_1) * normal.dot(normal);
         let near = simd.bits((missed * missed).at_most(most));
-        (near & self.used, Beside { beside, from_a, ab, radius2 })
+        (near & self.used, Beside { beside, from_a, ab, direction, unit, radius2 })
     }
 }
 
@@ -115,6 +129,10 @@ pub(super) struct Beside<S> {
     from_a: Lanes3<S>,
     /// The capsule's axis.
     ab: Lanes3<S>,
+    /// The ray's direction where the capsule is round, and the distance along the ray that a unit
+    /// of it stands for.
+    direction: Lanes3<S>,
+    unit: Lanes<S>,
     radius2: Lanes<S>,
 }
 
@@ -122,8 +140,8 @@ impl<S: Eight> Beside<S> {
     /// Distances along the ray to its entry into the capsules; infinite where it misses.
     #[inline(always)]
     pub(super) fn distances(&self, ray: &LaneRay<S>) -> Lanes<S> {
-        let (simd, direction) = (ray.simd, ray.direction);
-        let &Self { beside, from_a, ab, radius2 } = self;
+        let simd = ray.simd;
+        let &Self { beside, from_a, ab, direction, unit, radius2 } = self;
         let (zero, infinity) = (Lanes::all(simd, 0.0), Lanes::all(simd, f32::INFINITY));
         let length = ab.dot(ab).sqrt();
         let per_length = (Lanes::all(simd, 1.0) / length).where_set(zero.less_than(length), zero);
@@ -149,10 +167,16 @@ impl<S: Eight> Beside<S> {
         let place = entry.where_set(slanted, zero - slope);
         let end = from_a.where_set(place.less_than(zero), from_a - ab);
         let on_end = ball(simd, end, direction, radius2);
-        let distance = beside + on_cylinder.where_set(on_side, on_end);
+        let distance = beside + on_cylinder.where_set(on_side, on_end) * unit;
         let ahead = simd.and_m32s(meets, zero.at_most(distance));
         distance.where_set(ahead, infinity)
     }
+}
+
+/// Vectors in the spaces where sections are circles, as of [`crate::oval::Oval::shrunk`].
+#[inline(always)]
+fn shrunk<S: Eight>(v: Lanes3<S>, q: Lanes3<S>) -> Lanes3<S> {
+    v - q * q.dot(v)
 }
 
 /// Distances to balls' surfaces, for a ray whose origin is relative to their centres; infinite where
@@ -176,6 +200,26 @@ mod tests {
     use glam::{DVec3, Vec3};
     use proptest::prelude::*;
 
+    /// A ray at a leaf, whose capsules have the vector of one section.
+    struct Pressed<'a>(One<'a>, Vec3);
+
+    impl Kernel for Pressed<'_> {
+        type Output = [f32; LANES];
+
+        #[inline(always)]
+        fn run<S: Eight>(self, simd: S) -> [f32; LANES] {
+            let Self(One(leaf, origin, direction), q) = self;
+            let ray = LaneRay::new(simd, origin, direction);
+            let (near, beside) = leaf.near(&ray, Some(Lanes3::all(simd, q.to_array())));
+            let distances = beside.distances(&ray).array();
+            std::array::from_fn(
+                |lane| {
+                    if near >> lane & 1 == 1 { distances[lane] } else { f32::INFINITY }
+                },
+            )
+        }
+    }
+
     struct One<'a>(&'a SegmentLeaf, Vec3, Vec3);
 
     impl Kernel for One<'_> {
@@ -184,7 +228,7 @@ mod tests {
         #[inline(always)]
         fn run<S: Eight>(self, simd: S) -> [f32; LANES] {
             let ray = LaneRay::new(simd, self.1, self.2);
-            let (near, beside) = self.0.near(&ray);
+            let (near, beside) = self.0.near(&ray, None);
             let distances = beside.distances(&ray).array();
             std::array::from_fn(
                 |lane| {
@@ -322,6 +366,30 @@ mod tests {
             let [best, plain] = [Instructions::best(), Instructions::plain()]
                 .map(|set| set.run(One(&leaf, origin, direction)).map(f32::to_bits));
             prop_assert_eq!(best, plain);
+        }
+
+        /// A flattened capsule is a round one in a space that is shrunk along its width.
+        #[test]
+        fn flattened_capsules_are_met_where_halving_in_f64_says(
+            a in point(), b in point(), origin in point(), aim in point(), q in point(),
+        ) {
+            let direction = (aim - origin).normalize_or(Vec3::X);
+            let q = q.clamp_length_max(0.9);
+            let leaf = SegmentLeaf::new(&[a.extend(0.25), b.extend(0.0)], 0, |_| 0.25);
+            let ray = One(&leaf, origin, direction);
+            let found = f64::from(Instructions::best().run(Pressed(ray, q))[0]);
+            let q = q.as_dvec3();
+            let shrunk = |v: Vec3| v.as_dvec3() - q * q.dot(v.as_dvec3());
+            let [o, d, p, e] = [origin, direction, a, b].map(shrunk);
+            // Distances along the ray are in units of its direction.
+            let by = |radius: f64| by_halving(o, d.normalize(), p, e, radius) / d.length();
+            let (nearest, farthest) = (by(0.250_01), by(0.249_99));
+            prop_assume!(nearest.is_finite() == farthest.is_finite());
+            let expected = by(0.25);
+            let slack = if expected.is_finite() { farthest - nearest + 1e-4 } else { 0.0 };
+            prop_assert!(
+                found == expected || (found - expected).abs() <= slack, "{} {}", found, expected
+            );
         }
 
         /// Capsules of no length, rays along the axis, grazing ones and origins inside included.

@@ -116,9 +116,10 @@ impl<'a> EndlessCloth<'a> {
     /// Lowest and highest place of any yarn's surface, mm.
     pub(crate) fn depths(&self) -> [f32; 2] {
         let points = &self.bvh.segments.paths.points;
-        let yarn = points.iter().filter(|point| point.w > 0.0);
-        yarn.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], point| {
-            [low.min(point.z - point.w), high.max(point.z + point.w)]
+        let yarn = (0..).zip(points).filter(|(_, point)| point.w > 0.0);
+        yarn.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], (start, point)| {
+            let reach = point.w * self.bvh.segments.oval(start).reaches().z;
+            [low.min(point.z - reach), high.max(point.z + reach)]
         })
     }
 

@@ -13,6 +13,7 @@ mod bounce;
 mod capsule;
 pub(crate) mod endless;
 pub(super) mod facets;
+mod ovals;
 mod ray;
 pub(super) mod rays;
 mod segments;

@@ -9,6 +9,7 @@
 use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
+use super::ovals::Ovals;
 use super::ray::SceneRay;
 use super::strip::RibbonEdges;
 use crate::bvh::build::Box3;
@@ -16,10 +17,12 @@ use crate::bvh::tree::Hit;
 use crate::cpu::lit::ShadingPoint;
 use crate::cpu::sample::unit;
 use crate::maps::{Filter, Maps};
+use crate::oval::Oval;
 use crate::paths::{PLAIN_SHADE, Subdivision, YarnPaths};
 use crate::ply::hash;
 use crate::scene::{Bounds, Scene, Shape};
 use crate::{Camera, RenderOptions};
+use warpknit_core::ids::index32;
 
 /// Boxes are padded by this fraction of the largest coordinate: a few roundings of `f32`. Without
 /// padding, rounding in the slab test of a box loses hits on its faces.
@@ -43,6 +46,8 @@ pub(super) struct Segments<'a> {
     pub(super) paths: YarnPaths,
     /// The edges of ribbons. None of tubes.
     pub(super) edges: RibbonEdges,
+    /// The sections of flattened tubes. None where all are round.
+    pub(super) ovals: Option<Ovals>,
     /// Padding of the boxes, mm.
     padding: f32,
     /// Bounding box of all segments.
@@ -53,7 +58,9 @@ pub(super) struct Segments<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AxisPoint {
     pub(super) position: Vec3,
+    /// Radius, or the section's shorter half-axis.
     pub(super) radius: f32,
+    pub(super) oval: Oval,
     /// Unit tangent of the curve, continuous from segment to segment.
     pub(super) tangent: Vec3,
     /// Unit vector across the yarn from which the angle around it counts.
@@ -98,14 +105,19 @@ impl<'a> Segments<'a> {
             .par_iter()
             .map(|&point| Box3::of_point(Vec3A::from_vec4(point)))
             .reduce(|| Box3::EMPTY, Box3::union);
-        let thickest = paths.points.par_iter().map(|point| point.w).reduce(|| 0.0, f32::max);
+        let ovals = Ovals::new(&paths);
+        let widest = |start: usize| {
+            let oval = ovals.as_ref().map_or(Oval::ROUND, |ovals| ovals.of(index32(start)));
+            paths.points[start].w * oval.reaches().max_element()
+        };
+        let thickest = (0..paths.points.len()).into_par_iter().map(widest).reduce(|| 0.0, f32::max);
         let padding = around.min.abs().max(around.max.abs()).max_element() * BOX_PADDING;
         let grown = Vec3A::splat(thickest * RADIUS_MARGIN + padding);
         let edges = match scene.shape {
             Shape::Tube => RibbonEdges::default(),
             Shape::Ribbon => RibbonEdges::new(&paths),
         };
-        Self { scene, paths, edges, padding, bounds: around.grown(grown) }
+        Self { scene, paths, edges, ovals, padding, bounds: around.grown(grown) }
     }
 
     /// Bounding box of the segment that starts at point `start`.
@@ -116,9 +128,19 @@ impl<'a> Segments<'a> {
             return around.grown(Vec3A::splat(self.padding));
         }
         let (a, b) = self.ends(start);
-        Box3::of_point(Vec3A::from_vec4(a))
-            .union(Box3::of_point(Vec3A::from_vec4(b)))
-            .grown(Vec3A::splat(self.outer_radius(start)))
+        let reach = match &self.ovals {
+            None => Vec3A::splat(self.outer_radius(start)),
+            Some(ovals) => {
+                let reaches = Vec3A::from(ovals.of(start).reaches());
+                reaches * (a.w * RADIUS_MARGIN) + Vec3A::splat(self.padding)
+            }
+        };
+        Box3::of_point(Vec3A::from_vec4(a)).union(Box3::of_point(Vec3A::from_vec4(b))).grown(reach)
+    }
+
+    /// The section of the segment that starts at point `start`.
+    pub(super) fn oval(&self, start: u32) -> Oval {
+        self.ovals.as_ref().map_or(Oval::ROUND, |ovals| ovals.of(start))
     }
 
     /// Radius of a capsule around the segment that starts at point `start`, with a margin. Ends may
@@ -166,19 +188,25 @@ impl<'a> Segments<'a> {
     pub(super) fn point_on_tube(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
         let entry = ray.at(hit.distance);
         let axis = self.axis_point(hit.shape, entry);
-        let outward = entry - axis.position;
+        // In the space where the section is a circle.
+        let outward = axis.oval.shrunk(entry - axis.position);
         // Remove the tangential component of the capsule's normal. The result follows the smooth
         // curve and is continuous where two capsules join.
-        let normal =
-            (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-ray.direction);
+        let across = |v: Vec3| v - axis.tangent * v.dot(axis.tangent);
+        let round = across(outward).normalize_or(-ray.direction);
+        let normal = if axis.oval.is_round() {
+            round
+        } else {
+            across(axis.oval.shrunk(round)).normalize_or(round)
+        };
         ShadingPoint {
             // Project the hit onto the tube's exact radius. The distance along the ray has the
             // rounding of `f32`.
-            position: axis.position + outward.normalize_or(normal) * axis.radius,
+            position: axis.position + axis.oval.grown(outward.normalize_or(round)) * axis.radius,
             normal,
             tangent: axis.tangent,
             top: normal.cross(axis.tangent),
-            around: normal.dot(axis.tangent.cross(axis.across)).atan2(normal.dot(axis.across)),
+            around: round.dot(axis.tangent.cross(axis.across)).atan2(round.dot(axis.across)),
             along: axis.along,
         }
     }
@@ -221,6 +249,7 @@ impl<'a> Segments<'a> {
         AxisPoint {
             position: a + ab * s,
             radius: paths.points[i].w,
+            oval: self.oval(start),
             tangent,
             across,
             along: self.along(start, s),
@@ -232,7 +261,6 @@ impl<'a> Segments<'a> {
 mod tests {
     use super::*;
     use crate::scene::YarnLook;
-    use warpknit_core::ids::index32;
 
     fn scene(strands: &[&[Vec3]]) -> Scene {
         let mut scene = Scene::default();

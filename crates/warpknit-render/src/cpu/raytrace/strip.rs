@@ -113,7 +113,7 @@ impl RibbonEdges {
 
 /// Eight consecutive numbers.
 #[inline(always)]
-fn eight<S: Eight>(simd: S, numbers: &[f32], first: u32) -> Lanes<S> {
+pub(super) fn eight<S: Eight>(simd: S, numbers: &[f32], first: u32) -> Lanes<S> {
     let first = first as usize;
     let mut lanes = [0.0; LANES];
     lanes.copy_from_slice(&numbers[first..first + LANES]);

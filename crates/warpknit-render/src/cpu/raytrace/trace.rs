@@ -9,7 +9,8 @@ use std::cell::Cell;
 use glam::Vec4;
 use rayon::prelude::*;
 
-use super::capsule::SegmentLeaf;
+use super::capsule::{Beside, SegmentLeaf};
+use super::ovals::Ovals;
 use super::ray::SceneRay;
 use super::segments::Segments;
 use super::strip::RibbonEdges;
@@ -79,9 +80,11 @@ impl Segments<'_> {
         own: u32,
         waiting: &mut Waiting,
     ) -> Option<Hit> {
-        match self.scene.shape {
-            Shape::Tube => tree.nearest(&ray.line(), &Capsules { own }, waiting),
-            Shape::Ribbon => tree.nearest(&ray.line(), &self.strips(ray, own), waiting),
+        let line = ray.line();
+        match (self.scene.shape, &self.ovals) {
+            (Shape::Tube, None) => tree.nearest(&line, &Capsules { own }, waiting),
+            (Shape::Tube, Some(ovals)) => tree.nearest(&line, &Flattened { own, ovals }, waiting),
+            (Shape::Ribbon, _) => tree.nearest(&line, &self.strips(ray, own), waiting),
         }
     }
 
@@ -98,9 +101,13 @@ impl Segments<'_> {
             occluder = Some(start);
             false
         };
-        match self.scene.shape {
-            Shape::Tube => tree.visit(&ray.line(), &Capsules { own }, waiting, first),
-            Shape::Ribbon => tree.visit(&ray.line(), &self.strips(ray, own), waiting, first),
+        let line = ray.line();
+        match (self.scene.shape, &self.ovals) {
+            (Shape::Tube, None) => tree.visit(&line, &Capsules { own }, waiting, first),
+            (Shape::Tube, Some(ovals)) => {
+                tree.visit(&line, &Flattened { own, ovals }, waiting, first);
+            }
+            (Shape::Ribbon, _) => tree.visit(&line, &self.strips(ray, own), waiting, first),
         }
         occluder
     }
@@ -132,15 +139,48 @@ impl Shapes for Capsules {
         ray: &LaneRay<S>,
         limit: f32,
     ) -> (u32, [f32; LANES]) {
-        let (near, beside) = leaf.near(ray);
-        let near = near & leaf.others(self.own);
-        if near == 0 {
-            return (0, [0.0; LANES]);
-        }
-        let distances = beside.distances(ray);
-        let met = ray.simd.bits(distances.at_most(Lanes::all(ray.simd, limit)));
-        (near & met, distances.array())
+        met(leaf.near(ray, None), leaf.others(self.own), ray, limit)
     }
+}
+
+/// Flattened tubes: capsules in the spaces where their sections are circles.
+struct Flattened<'a> {
+    /// As of capsules.
+    own: u32,
+    ovals: &'a Ovals,
+}
+
+impl Shapes for Flattened<'_> {
+    type Leaf = SegmentLeaf;
+
+    #[inline(always)]
+    fn distances<S: Eight>(
+        &self,
+        leaf: &SegmentLeaf,
+        ray: &LaneRay<S>,
+        limit: f32,
+    ) -> (u32, [f32; LANES]) {
+        let ovals = self.ovals.lanes(leaf.first, ray.simd);
+        met(leaf.near(ray, Some(ovals)), leaf.others(self.own), ray, limit)
+    }
+}
+
+/// Those of the capsules near the ray that it meets at most `limit` away, as far as they are among
+/// `others`.
+#[inline(always)]
+fn met<S: Eight>(
+    (near, beside): (u32, Beside<S>),
+    others: u32,
+    ray: &LaneRay<S>,
+    limit: f32,
+) -> (u32, [f32; LANES]) {
+    let near = near & others;
+    if near == 0 {
+        return (0, [0.0; LANES]);
+    }
+    let distances = beside.distances(ray);
+    let met = ray.simd.bits(distances.at_most(Lanes::all(ray.simd, limit)));
+    (near & met, distances.array())
 }
 
 /// Ribbons: strips, tested in lanes, and then for what their texture lets through.
@@ -164,7 +204,7 @@ impl Shapes for Strips<'_> {
         ray: &LaneRay<S>,
         limit: f32,
     ) -> (u32, [f32; LANES]) {
-        let (near, _) = leaf.near(ray);
+        let (near, _) = leaf.near(ray, None);
         let near = near & leaf.others(self.own);
         if near == 0 {
             return (0, [0.0; LANES]);

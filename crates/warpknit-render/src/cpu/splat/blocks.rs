@@ -83,12 +83,12 @@ fn bin(
     for first in points.step_by(BLOCK as usize) {
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
         let mut nearest = f32::INFINITY;
-        pieces.for_each_in_block(first, &|point| screen.project(point), |_, ends, radius| {
-            let reach = screen.radius(radius, ends[0].z);
+        pieces.for_each_in_block(first, screen, |_, ends, silhouette| {
+            let reach = screen.radius(silhouette.half_width, ends[0].z);
             for end in ends {
                 low = low.min(end.xy() - reach);
                 high = high.max(end.xy() + reach);
-                nearest = nearest.min(end.z - radius);
+                nearest = nearest.min(end.z - silhouette.rise);
             }
         });
         let entry = BlockEntry { nearest: nearest.max(0.0), first };

@@ -320,7 +320,7 @@ fn yarns_near(
 /// Whether a block meets a part of the picture.
 fn meets(pieces: &SplatPieces<'_>, screen: &Screen, first: u32, [low, high]: [Vec2; 2]) -> bool {
     let mut met = false;
-    pieces.for_each_in_block(first, &|point| screen.project(point), |_, ends, _| {
+    pieces.for_each_in_block(first, screen, |_, ends, _| {
         met |= ends.iter().any(|end| end.xy().cmpge(low).all() && end.xy().cmple(high).all());
     });
     met

@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 use super::fit::LightFit;
 use super::layers::LayerDepths;
 use super::masks::{PLACES, Stroke, places};
-use super::pieces::SplatPieces;
+use super::pieces::{SplatPiece, SplatPieces};
 use super::screen::Screen;
 use super::sun::ShadowMap;
 use super::tiles::Fragment;
@@ -64,20 +64,27 @@ struct PlaceSpread {
     count: u32,
 }
 
+/// A place on a yarn's surface.
+struct SurfacePlace {
+    /// From the yarn's axis, mm.
+    offset: Vec3,
+    /// Unit normal of the smooth yarn.
+    outward: Vec3,
+}
+
 /// A yarn where a fragment is lit.
 struct LitYarn<'a> {
     look: &'a YarnLook,
     maps: Option<&'a Maps>,
     /// Factor on its base colour.
     shade: f32,
-    /// Radius there, mm.
-    radius: f32,
+    piece: SplatPiece,
     axis: Vec3,
     tangent: Vec3,
     toward_eye: Vec3,
-    /// Unit vector across the yarn and the direction to the eye.
+    /// Unit vectors across the yarn, where its section is a circle: across the direction to the
+    /// eye, and toward the eye.
     width: Vec3,
-    /// Unit vector across the yarn, toward the eye.
     front: Vec3,
     /// Arc length along the yarn, mm.
     along: f32,
@@ -86,14 +93,20 @@ struct LitYarn<'a> {
 }
 
 impl LitYarn<'_> {
-    /// The surface at `side` from -1 to 1 between the outlines, its smooth normal, and the fraction
-    /// of the sky's light that its texture lets through.
-    fn surface(&self, side: f32) -> (Surface, Vec3, f32) {
-        let outward = self.width * side + self.front * (1.0 - side * side).sqrt();
+    /// The place at `side` from -1 to 1 between the outlines.
+    fn place(&self, side: f32) -> SurfacePlace {
+        let (oval, half) = (self.piece.oval, self.piece.half_height());
+        let round = self.width * side + self.front * (1.0 - side * side).sqrt();
+        let outward = if oval.is_round() { round } else { oval.shrunk(round).normalize_or(round) };
+        SurfacePlace { offset: oval.grown(round) * half, outward }
+    }
+
+    /// The surface at a place, and the fraction of the sky's light that its texture lets through.
+    fn surface(&self, &SurfacePlace { offset, outward }: &SurfacePlace) -> (Surface, f32) {
         let (mut surface, occlusion) = match self.maps {
             Some(maps) => {
                 let point = ShadingPoint {
-                    position: self.axis + outward * self.radius,
+                    position: self.axis + offset,
                     normal: outward,
                     tangent: self.tangent,
                     top: outward.cross(self.tangent),
@@ -114,7 +127,7 @@ impl LitYarn<'_> {
         surface.normal = ply::face_eye(surface.normal, self.toward_eye);
         surface.albedo *= self.shade;
         surface.sheen = lit::yarn_sheen(self.look, self.tangent);
-        (surface, outward, occlusion)
+        (surface, occlusion)
     }
 }
 
@@ -142,31 +155,39 @@ impl Lights {
         let axis = piece.ends[0].lerp(piece.ends[1], share);
         // The direction of the straight piece, as it hides others and casts shadows. That of the curve
         // would light surfaces that this piece does not have: a quarter too dark on oblique tricot.
-        let tangent = (piece.ends[1] - piece.ends[0]).normalize_or(Vec3::X);
+        let tangent = piece.tangent();
         let toward_eye = (screen.eye - axis).normalize();
         // A tangent frame for the visible half of the tube.
         let width = tangent.cross(toward_eye).normalize_or(screen.right);
+        let front = width.cross(tangent);
+        let half_width = piece.half_width(toward_eye);
         let look = &scene.looks[usize::from(scene.strands[strand].look)];
+        let [round_width, round_front] = if piece.oval.is_round() {
+            [width, front]
+        } else {
+            let front = piece.oval.shrunk(front).normalize_or(front);
+            [tangent.cross(front), front]
+        };
         let section = LitYarn {
             look,
             maps: scene.maps_of(look),
             shade: scene.shade(&scene.strands[strand]),
-            radius: piece.radius,
+            piece,
             axis,
             tangent,
             toward_eye,
-            width,
-            front: width.cross(tangent),
+            width: round_width,
+            front: round_front,
             along: pieces.along(strand, fragment.piece, share),
             footprint: screen.cell_at(axis),
         };
-        let radius = screen.radius(piece.radius, screen.depth(axis));
+        let radius = screen.radius(half_width, screen.depth(axis));
         let side = screen.to_world(spread.mean - stroke.at(share)).dot(width) / radius;
         let aside = screen.to_world(stroke.across()).dot(width) * spread.deviation / radius;
-        let open = |outward: Vec3| {
-            let depth = screen.depth(axis + outward * piece.radius);
+        let open = |place: &SurfacePlace| {
+            let depth = screen.depth(axis + place.offset);
             let level = layers.sky_level(spread.mean, piece.radius, depth);
-            self.fit.open(level, outward.dot(toward_eye))
+            self.fit.open(level, place.outward.dot(toward_eye))
         };
         let nodes: &[(f32, f32)] = match spread.count {
             WIDE.. => &GAUSS_3,
@@ -200,15 +221,16 @@ impl Lights {
         &self,
         section: &LitYarn<'_>,
         sides: impl Iterator<Item = (f32, f32)>,
-        open: impl Fn(Vec3) -> f32,
+        open: impl Fn(&SurfacePlace) -> f32,
     ) -> Vec3 {
         let mut light = Vec3::ZERO;
         let mut sheen = Vec3::ZERO;
         for (index, (side, weight)) in sides.enumerate() {
-            let (surface, outward, occlusion) = section.surface(side.clamp(-RIM, RIM));
-            let sky = self.sky_light(&surface, open(outward));
+            let place = section.place(side.clamp(-RIM, RIM));
+            let (surface, occlusion) = section.surface(&place);
+            let sky = self.sky_light(&surface, open(&place));
             light += weight
-                * (self.base_sunlight(section, &surface, outward)
+                * (self.base_sunlight(section, &surface, &place)
                     + sky.reflected(&self.rig, &surface, section.toward_eye) * occlusion);
             if index == 0 {
                 sheen = self.sheen_sunlight(section, &surface);
@@ -217,17 +239,20 @@ impl Lights {
         light + sheen
     }
 
-    /// The sun's light reflected toward the eye from the side of a yarn that faces `outward`,
-    /// without the sheen.
-    fn base_sunlight(&self, section: &LitYarn<'_>, surface: &Surface, outward: Vec3) -> Vec3 {
+    /// The sun's light reflected toward the eye from a place, without the sheen.
+    fn base_sunlight(
+        &self,
+        section: &LitYarn<'_>,
+        surface: &Surface,
+        place: &SurfacePlace,
+    ) -> Vec3 {
         let toward = self.rig.toward_sun;
         let cosine = surface.normal.dot(toward);
-        if cosine <= 0.0 || outward.dot(toward) <= 0.0 {
+        if cosine <= 0.0 || place.outward.dot(toward) <= 0.0 {
             return Vec3::ZERO;
         }
-        let radius = section.radius;
-        let lit = self.fit.sunshine()
-            * self.shadows.lit_share(section.axis + outward * radius, radius, &self.suns);
+        let (at, radius) = (section.axis + place.offset, section.piece.radius);
+        let lit = self.fit.sunshine() * self.shadows.lit_share(at, radius, &self.suns);
         if lit <= 0.0 {
             return Vec3::ZERO;
         }
@@ -242,8 +267,9 @@ impl Lights {
             return Vec3::ZERO;
         }
         // The shadow of the brightest line stands for that of the whole highlight.
-        let radius = section.radius;
-        let brightest = section.axis + sheen.highlight_normal(toward, eye) * radius;
+        let SplatPiece { oval, radius, .. } = section.piece;
+        let facing = oval.place_facing(sheen.highlight_normal(toward, eye));
+        let brightest = section.axis + facing * section.piece.half_height();
         let lit = self.fit.sunshine() * self.shadows.lit_share(brightest, radius, &self.suns);
         surface.sheen_color() * self.rig.sun() * (sheen.mean_over_width(toward, eye) * lit)
     }

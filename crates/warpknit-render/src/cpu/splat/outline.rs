@@ -54,13 +54,14 @@ impl Coverage {
         })
     }
 
-    /// Depths of the tube's surface at the four places, given the depths of the axis' ends.
+    /// Depths of the tube's surface at the four places, given the depths of the axis' ends and how
+    /// far it rises toward the eye.
     #[inline]
-    pub(super) fn depths(&self, [start, end]: [f32; 2], radius: f32) -> Vec4 {
-        // The tube's circular section: it rises toward the eye by sqrt(1 - d^2) radii at distance d
+    pub(super) fn depths(&self, [start, end]: [f32; 2], rise: f32) -> Vec4 {
+        // The tube's round section: it rises toward the eye by sqrt(1 - d^2) radii at distance d
         // from the axis.
-        let rise = (Vec4::ONE - self.distance2).max(Vec4::ZERO).sqrt();
-        Vec4::splat(start) + self.share * (end - start) - rise * radius
+        let shares = (Vec4::ONE - self.distance2).max(Vec4::ZERO).sqrt();
+        Vec4::splat(start) + self.share * (end - start) - shares * rise
     }
 }
 

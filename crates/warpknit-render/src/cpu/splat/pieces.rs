@@ -10,8 +10,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::cpu::to_f32;
+use crate::oval::Oval;
 use crate::paths;
-use crate::scene::{Scene, SceneStrand, SpanLengths, drawable};
+use crate::scene::{Scene, SpanLengths, drawable};
 
 /// Pieces, and data points, in a block. Larger blocks reach into more tiles that only some of their pieces meet.
 /// Smaller ones take more memory.
@@ -33,11 +34,49 @@ pub(super) struct SplatPieces<'a> {
     is_whole: bool,
 }
 
+/// From where pieces are seen, and where they are drawn.
+pub(super) trait View {
+    /// Column, row and depth of a point. `None` for points that are not drawn.
+    fn project(&self, point: Vec3) -> Option<Vec3>;
+
+    /// The direction from a point toward the viewer, of any length.
+    fn toward_viewer(&self, point: Vec3) -> Vec3;
+}
+
 /// A piece: a capsule.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SplatPiece {
     pub(super) ends: [Vec3; 2],
+    /// Radius, mm; of a flattened yarn that of the circle of the same area.
     pub(super) radius: f32,
+    pub(super) oval: Oval,
+}
+
+/// What a viewer sees of a piece's section.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Silhouette {
+    /// Half of its width, mm.
+    pub(super) half_width: f32,
+    /// How far it rises from the axis toward the viewer, mm.
+    pub(super) rise: f32,
+}
+
+impl SplatPiece {
+    /// Its direction, and any for a ball.
+    pub(super) fn tangent(&self) -> Vec3 {
+        (self.ends[1] - self.ends[0]).normalize_or(Vec3::X)
+    }
+
+    /// The section's shorter half-axis, mm.
+    pub(super) fn half_height(&self) -> f32 {
+        self.radius * self.oval.height()
+    }
+
+    /// Half of its width as seen by a viewer in a direction of any length, mm.
+    pub(super) fn half_width(&self, toward: Vec3) -> f32 {
+        let width = self.tangent().cross(toward).normalize_or_zero();
+        self.half_height() * self.oval.reach(width)
+    }
 }
 
 impl<'a> SplatPieces<'a> {
@@ -66,61 +105,81 @@ impl<'a> SplatPieces<'a> {
         self.scene.strands.is_sorted_by(|one, other| one.points.end <= other.points.start)
     }
 
-    /// Calls `draw` with both ends of each piece as `place` projects them, and its radius, in
-    /// parallel. Points that `place` rejects are left out.
+    /// Calls `draw` with both ends of each piece as a view projects them, and with its
+    /// silhouette, in parallel. Points that are not drawn are left out.
     pub(super) fn for_each(
         &self,
-        place: impl Fn(Vec3) -> Option<Vec3> + Sync,
-        draw: impl Fn([Vec3; 2], f32) + Sync,
+        view: &(impl View + Sync),
+        draw: impl Fn([Vec3; 2], Silhouette) + Sync,
     ) {
         self.parts().into_par_iter().for_each(|(strand, points)| {
-            let strand = &self.scene.strands[strand];
-            if let Some(radius) = self.scene.radius(strand) {
-                self.walk(strand, points, &place, |number, ends| {
-                    draw(ends, radius * self.scene.thickness(strand, number));
-                });
-            }
+            self.walk(strand, points, view, |_, ends, silhouette| draw(ends, silhouette));
         });
     }
 
-    /// Calls `draw` with the number, both projected ends and the radius of each piece of the block
-    /// that starts at data point `first`.
+    /// Calls `draw` with the number, both projected ends and the silhouette of each piece of the
+    /// block that starts at data point `first`.
     #[inline]
     pub(super) fn for_each_in_block(
         &self,
         first: u32,
-        place: &impl Fn(Vec3) -> Option<Vec3>,
-        mut draw: impl FnMut(u32, [Vec3; 2], f32),
+        view: &impl View,
+        draw: impl FnMut(u32, [Vec3; 2], Silhouette),
     ) {
-        let strand = &self.scene.strands[self.strand_of(first)];
-        let Some(radius) = self.scene.radius(strand) else { return };
-        let points = first..strand.points.end.min(first.saturating_add(BLOCK));
-        self.walk(strand, points, place, |number, ends| {
-            draw(number, ends, radius * self.scene.thickness(strand, number));
-        });
+        let strand = self.strand_of(first);
+        let end = self.scene.strands[strand].points.end.min(first.saturating_add(BLOCK));
+        self.walk(strand, first..end, view, draw);
     }
 
-    /// Calls `draw` with the number and the projected ends of each piece that starts among these
-    /// points of a strand. A single point, the last one, and one before a gap are balls. So each
-    /// end of a piece is the start of another.
+    /// Calls `draw` for each piece that starts among these points of a strand. A single point, the
+    /// last one, and one before a gap are balls. So each end of a piece is the start of another.
     #[inline]
     fn walk(
         &self,
-        strand: &SceneStrand,
+        strand: usize,
         points: Range<u32>,
-        place: &impl Fn(Vec3) -> Option<Vec3>,
-        mut draw: impl FnMut(u32, [Vec3; 2]),
+        view: &impl View,
+        mut draw: impl FnMut(u32, [Vec3; 2], Silhouette),
     ) {
-        let mut number = points.start;
+        let strand = &self.scene.strands[strand];
+        let Some(radius) = self.scene.radius(strand) else { return };
         // Each joint is computed once: the end of a piece is the start of the next.
-        let mut start = self.joint(number, &strand.points).and_then(place);
+        let placed = |number: u32| {
+            let joint = self.joint(number, &strand.points)?;
+            Some((joint, view.project(joint)?, self.scene.press(number)))
+        };
+        let mut number = points.start;
+        let mut start = placed(number);
         while number < points.end {
             let next = number + 1;
-            let end = self.joint(next, &strand.points).and_then(place);
+            let end = placed(next);
             if let Some(start) = start {
-                draw(number, [start, end.unwrap_or(start)]);
+                let end = end.unwrap_or(start);
+                let radius = radius * self.scene.thickness(strand, number);
+                let [half_width, rise] = match (start.2, end.2) {
+                    // A ball has no width.
+                    _ if start.0 == end.0 => [radius; 2],
+                    (Some(one), Some(other)) => one
+                        .lerp(other, 0.5)
+                        .silhouette(end.0 - start.0, view.toward_viewer(start.0))
+                        .map(|factor| factor * radius),
+                    _ => [radius; 2],
+                };
+                draw(number, [start.1, end.1], Silhouette { half_width, rise });
             }
             (number, start) = (next, end);
+        }
+    }
+
+    /// The piece between two joints that starts at data point `first`.
+    fn pressed(&self, ends: [Vec3; 2], radius: f32, first: u32) -> SplatPiece {
+        let piece = SplatPiece { ends, radius, oval: Oval::ROUND };
+        match [first, first + 1].map(|point| self.scene.press(point)) {
+            // The last point of all is a ball.
+            [Some(start), Some(end)] if ends[0] != ends[1] => {
+                SplatPiece { oval: start.lerp(end, 0.5).oval(piece.tangent()), ..piece }
+            }
+            _ => piece,
         }
     }
 
@@ -141,7 +200,7 @@ impl<'a> SplatPieces<'a> {
         let start = self.joint(first, &strand.points)?;
         let ends = [start, self.joint(first + 1, &strand.points).unwrap_or(start)];
         let radius = self.scene.radius(strand)? * self.scene.thickness(strand, first);
-        Some(SplatPiece { ends, radius })
+        Some(self.pressed(ends, radius, first))
     }
 
     /// The strand of a data point.
@@ -206,13 +265,27 @@ mod tests {
     use super::*;
     use crate::scene::YarnLook;
 
+    /// A view that leaves points where they are.
+    struct InPlace;
+
+    impl View for InPlace {
+        fn project(&self, point: Vec3) -> Option<Vec3> {
+            Some(point)
+        }
+
+        fn toward_viewer(&self, _: Vec3) -> Vec3 {
+            Vec3::Z
+        }
+    }
+
     fn drawn(scene: &Scene) -> Vec<(u32, [Vec3; 2])> {
         let pieces = SplatPieces::new(scene, Vec3::ZERO);
         let mut found = Vec::new();
         for (_, points) in pieces.parts() {
             for first in points.step_by(BLOCK as usize) {
-                pieces
-                    .for_each_in_block(first, &Some, |number, ends, _| found.push((number, ends)));
+                pieces.for_each_in_block(first, &InPlace, |number, ends, _| {
+                    found.push((number, ends));
+                });
             }
         }
         found

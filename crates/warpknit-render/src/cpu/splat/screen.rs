@@ -6,7 +6,7 @@
 use glam::{Mat4, Vec2, Vec3, Vec4Swizzles};
 
 use super::masks::Stroke;
-use super::pieces::SplatPiece;
+use super::pieces::{SplatPiece, View};
 use crate::cpu::to_f32;
 use crate::scene::Bounds;
 use crate::{Camera, RenderOptions};
@@ -48,15 +48,6 @@ impl Screen {
         }
     }
 
-    /// Column, row, and distance along the camera's axis. `None` for points behind the eye.
-    pub(super) fn project(&self, point: Vec3) -> Option<Vec3> {
-        let clip = self.clip_from_world * point.extend(1.0);
-        (clip.w > 0.0).then(|| {
-            // From clip space (y up, -1..1) to cells (y down).
-            ((clip.xy() / clip.w * Vec2::new(0.5, -0.5) + 0.5) * self.extent()).extend(clip.w)
-        })
-    }
-
     /// Whether a point lies in the picture or within a cell of it.
     pub(super) fn shows(&self, point: Vec3) -> bool {
         self.project(point).is_some_and(|at| {
@@ -69,14 +60,15 @@ impl Screen {
     ///
     /// A sphere away from the picture's centre projects to an ellipse. Here it stays a circle,
     /// which is indistinguishable for a yarn of two pixels.
-    pub(super) fn stroke(&self, [start, end]: [Vec3; 2], radius: f32) -> Stroke {
-        Stroke::new([start.truncate(), end.truncate()], self.radius(radius, start.z))
+    pub(super) fn stroke(&self, [start, end]: [Vec3; 2], half_width: f32) -> Stroke {
+        Stroke::new([start.truncate(), end.truncate()], self.radius(half_width, start.z))
     }
 
     /// The piece in the picture.
     pub(super) fn stroke_of(&self, piece: &SplatPiece) -> Option<Stroke> {
         let start = self.project(piece.ends[0])?;
-        Some(self.stroke([start, self.project(piece.ends[1]).unwrap_or(start)], piece.radius))
+        let end = self.project(piece.ends[1]).unwrap_or(start);
+        Some(self.stroke([start, end], piece.half_width(self.toward_viewer(piece.ends[0]))))
     }
 
     /// A radius in cells, at a depth.
@@ -103,5 +95,20 @@ impl Screen {
     /// The picture's size as floats.
     fn extent(&self) -> Vec2 {
         Vec2::new(self.size[0] as f32, self.size[1] as f32)
+    }
+}
+
+impl View for Screen {
+    /// Column, row, and distance along the camera's axis. `None` for points behind the eye.
+    fn project(&self, point: Vec3) -> Option<Vec3> {
+        let clip = self.clip_from_world * point.extend(1.0);
+        (clip.w > 0.0).then(|| {
+            // From clip space (y up, -1..1) to cells (y down).
+            ((clip.xy() / clip.w * Vec2::new(0.5, -0.5) + 0.5) * self.extent()).extend(clip.w)
+        })
+    }
+
+    fn toward_viewer(&self, point: Vec3) -> Vec3 {
+        self.eye - point
     }
 }

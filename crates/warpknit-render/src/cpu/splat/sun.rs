@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::outline::CapsuleOutline;
-use super::pieces::SplatPieces;
+use super::pieces::{Silhouette, SplatPieces, View};
 use super::screen::Screen;
 use crate::light::SKY_REACH_RADII;
 use crate::set::{Mesh, SKIN};
@@ -66,9 +66,9 @@ impl ShadowMap {
             [low.with_z(at.z), high]
         });
         let [low, high] = boxes.reduce(|| nothing, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-        let ((thinnest, _), (_, thickest)) = (pieces.scene.cloth_radii(), pieces.scene.radii());
+        let thinnest = pieces.scene.cloth_radii().0;
         // A piece may be visible although neither of its ends is.
-        let margin = thickest + pieces.longest();
+        let margin = pieces.scene.widest_reach() + pieces.longest();
         let extent = (high.truncate() - low.truncate()).max(Vec2::ZERO);
         let finest = (TEXEL_RADII * thinnest).max(TEXEL_PIXELS * pixel);
         // Coarsen the grid where it would exceed the memory limit.
@@ -84,7 +84,7 @@ impl ShadowMap {
         let texels = (0..size[0] as usize * size[1] as usize).into_par_iter();
         let nearest = texels.map(|_| AtomicU32::new(f32::INFINITY.to_bits())).collect();
         let mut map = Self { across, up, toward, low, texel, size, nearest, blocks: Vec::new() };
-        pieces.for_each(|point| Some(map.project(point)), |ends, radius| map.splat(ends, radius));
+        pieces.for_each(&map, |ends, silhouette| map.splat(ends, silhouette));
         map.blocks = map.blocks();
         map
     }
@@ -94,7 +94,7 @@ impl ShadowMap {
     pub(super) fn add_body(&mut self, body: &Mesh, centre: Vec3) {
         let away = centre + self.toward * SKIN;
         body.corners().for_each(|corners| {
-            self.fill(corners.map(|corner| self.project(corner - away)));
+            self.fill(corners.map(|corner| self.place(corner - away)));
         });
         self.blocks = self.blocks();
     }
@@ -125,14 +125,15 @@ impl ShadowMap {
     }
 
     /// Rasterises one piece into the map.
-    fn splat(&self, [one, other]: [Vec3; 2], radius: f32) {
-        let outline = CapsuleOutline::new([one.truncate(), other.truncate()], radius / self.texel);
+    fn splat(&self, [one, other]: [Vec3; 2], silhouette: Silhouette) {
+        let half_width = silhouette.half_width / self.texel;
+        let outline = CapsuleOutline::new([one.truncate(), other.truncate()], half_width);
         for y in outline.rows(&(0..self.size[1])) {
             let row = &self.nearest[y as usize * self.size[0] as usize..][..self.size[0] as usize];
             for first in outline.columns(y, self.size[0]).step_by(4) {
                 let middles = Vec4::splat(first as f32) + Vec4::new(0.5, 1.5, 2.5, 3.5);
                 let within = outline.within([middles, Vec4::splat(y as f32 + 0.5)]);
-                let depths = within.depths([one.z, other.z], radius);
+                let depths = within.depths([one.z, other.z], silhouette.rise);
                 for lane in within.covered() {
                     // The last group of four may extend beyond the row.
                     let Some(texel) = row.get(first as usize + lane) else { break };
@@ -171,7 +172,7 @@ impl ShadowMap {
     /// the nearest depth in the blocks around. Each ray is followed for that distance and looked up
     /// there. It counts as blocked if the depth there lies more than halfway to the occluder.
     pub(super) fn lit_share(&self, place: Vec3, radius: f32, suns: &[Vec3]) -> f32 {
-        let at = self.project(place);
+        let at = self.place(place);
         let texel = self.texel_at(at.truncate());
         let before = at.z - self.depth(texel);
         // Three cases. The sun's centre is hidden: the occluder is known. It is visible, but
@@ -200,7 +201,7 @@ impl ShadowMap {
     /// Whether the sun's centre lights a point on a yarn of this radius. `None` where the shadow is
     /// that of cloth farther away than what is traced around a place.
     pub(super) fn lit_by_near(&self, place: Vec3, radius: f32) -> Option<bool> {
-        let at = self.project(place);
+        let at = self.place(place);
         let before = at.z - self.depth(self.texel_at(at.truncate()));
         (before <= SKY_REACH_RADII * radius)
             .then_some(before <= BIAS_TEXELS * self.texel + BIAS_RADII * radius)
@@ -223,10 +224,20 @@ impl ShadowMap {
     }
 
     /// Column and row in texels, and depth in mm.
-    fn project(&self, point: Vec3) -> Vec3 {
+    fn place(&self, point: Vec3) -> Vec3 {
         let from = Vec3::new(point.dot(self.across), point.dot(self.up), -point.dot(self.toward))
             - self.low;
         (from.truncate() / self.texel).extend(from.z)
+    }
+}
+
+impl View for ShadowMap {
+    fn project(&self, point: Vec3) -> Option<Vec3> {
+        Some(self.place(point))
+    }
+
+    fn toward_viewer(&self, _: Vec3) -> Vec3 {
+        self.toward
     }
 }
 

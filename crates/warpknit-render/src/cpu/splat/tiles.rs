@@ -114,16 +114,15 @@ impl TileMemory {
                     break;
                 }
             }
-            let place = |point| screen.project(point);
-            pieces.for_each_in_block(block.first, &place, |number, ends, radius| {
-                farthest = farthest.max(ends[0].z.max(ends[1].z) + radius);
+            pieces.for_each_in_block(block.first, screen, |number, ends, silhouette| {
+                farthest = farthest.max(ends[0].z.max(ends[1].z) + silhouette.rise);
                 self.draw(
                     planes,
                     corner,
                     number,
-                    &screen.stroke(ends, radius),
+                    &screen.stroke(ends, silhouette.half_width),
                     ends.map(|end| end.z),
-                    radius,
+                    silhouette.rise,
                 );
             });
         }
@@ -139,7 +138,7 @@ impl TileMemory {
         number: u32,
         stroke: &Stroke,
         [start, end]: [f32; 2],
-        radius: f32,
+        rise: f32,
     ) {
         let (low, high) = stroke.extent();
         let [columns, rows] = [0, 1].map(|axis| within(low[axis], high[axis], corner[axis]));
@@ -156,11 +155,11 @@ impl TileMemory {
                     self.covered[cell] |= mask;
                     let axis = start + (end - start) * stroke.share(centre);
                     let core = mask & core;
-                    for (mask, rise) in [(core, CORE_RISE), (mask & !core, RIM_RISE)] {
+                    for (mask, share) in [(core, CORE_RISE), (mask & !core, RIM_RISE)] {
                         if mask != 0 {
-                            let front = (axis - rise * radius).max(0.0);
+                            let front = (axis - share * rise).max(0.0);
                             let key = u64::from(front.to_bits()) << 32 | u64::from(number);
-                            let depth = axis - MEAN_RISE * radius;
+                            let depth = axis - MEAN_RISE * rise;
                             self.cells[cell].push(CellPiece { key, mask, depth });
                         }
                     }
