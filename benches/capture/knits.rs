@@ -22,7 +22,10 @@ const FIRST_SEED: u64 = 30_000;
 const RANDOM: usize = 40;
 /// As bad as a photo may be.
 const HARD: Taking = Taking { blur: 1.8, noise: 0.1, bend: 1.5, light: 0.5, ..FAIR };
-const LEVELS: [(&str, Taking); 3] = [("fair", FAIR), ("hard", HARD), ("on paper", ON_PAPER)];
+/// Of yarns that lie as flat as their neighbours leave room.
+const SPREAD: Taking = Taking { is_spread: true, ..FAIR };
+const LEVELS: [(&str, Taking); 4] =
+    [("fair", FAIR), ("hard", HARD), ("on paper", ON_PAPER), ("spread", SPREAD)];
 
 /// The table of knits.
 pub(crate) fn knits() {

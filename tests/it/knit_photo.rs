@@ -2,12 +2,16 @@
 //! sheared, bent, blurred, unevenly lit and full of noise.
 
 use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
 
 use glam::{DMat2, DVec2, DVec3, Vec3, Vec4};
 use image::{Rgb, RgbImage};
+use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Count;
+use warpknit::knit::spread::Spread;
 use warpknit::photo::recognise::Face;
+use warpknit::render::scene::Scene;
 use warpknit::render::{Background, Camera, Light, RenderOptions, cloth, render, tone};
 
 use super::cloth::{Random, byte, whole};
@@ -24,6 +28,8 @@ pub(crate) struct Taking {
     /// How much lighter a side is.
     pub(crate) light: f64,
     pub(crate) ground: Ground,
+    /// Whether its yarns are spread, or round.
+    pub(crate) is_spread: bool,
 }
 
 /// What lies behind the cloth.
@@ -56,8 +62,14 @@ impl Ground {
 }
 
 /// As a person with a phone takes it who takes care.
-pub(crate) const FAIR: Taking =
-    Taking { blur: 1.0, noise: 0.05, bend: 0.0, light: 0.3, ground: Ground::Dark([8.0, 40.0]) };
+pub(crate) const FAIR: Taking = Taking {
+    blur: 1.0,
+    noise: 0.05,
+    bend: 0.0,
+    light: 0.3,
+    ground: Ground::Dark([8.0, 40.0]),
+    is_spread: false,
+};
 /// The same on paper.
 pub(crate) const ON_PAPER: Taking = Taking { ground: Ground::Paper([0.75, 0.9]), ..FAIR };
 
@@ -80,14 +92,19 @@ pub(crate) fn varied(fabric: &Fabric, seed: u64) -> Fabric {
 }
 
 /// A drawing of a face of a fabric, larger than the photo of it that is taken.
-fn drawn(fabric: &Fabric, face: Face, ground: Ground, seed: u64) -> RgbImage {
+fn drawn(fabric: &Fabric, face: Face, taking: Taking, seed: u64) -> RgbImage {
     let mut random = Random::new(seed ^ 0x5eed);
     let wale = random.within(16.0, 22.0);
     let scale = fabric.wale_spacing() / wale;
     let side = f64::from(DRAWN);
     let count = |spacing: f64| u32::try_from(whole(1.25 * side * scale / spacing)).unwrap() + 4;
-    let mut scene =
-        cloth::swatch(fabric, count(fabric.wale_spacing()), count(fabric.course_spacing()));
+    let [wales, courses] = [fabric.wale_spacing(), fabric.course_spacing()].map(count);
+    let panel = swatch_panel(fabric, wales, courses);
+    let laid = Cloth::swatch(&panel, fabric, wales, courses);
+    let spread =
+        taking.is_spread.then(|| Arc::new(Spread::of(fabric, laid.pattern(), fabric.radius())));
+    let looks = cloth::looks(fabric, fabric.radius());
+    let mut scene = cloth::with_cloth(&laid, Scene { looks, spread, ..Scene::default() });
     let shade = random.within(0.3, 0.7) as f32;
     scene.looks.iter_mut().for_each(|look| look.albedo = Vec3::splat(shade));
     let centre = scene.bounds().unwrap().centre().as_dvec3().with_z(0.0)
@@ -107,7 +124,7 @@ fn drawn(fabric: &Fabric, face: Face, ground: Ground, seed: u64) -> RgbImage {
     let turn = random.within(0.0, std::f64::consts::TAU);
     let sun = Vec3::new(0.7 * turn.cos() as f32, 0.7 * turn.sin() as f32, 0.7);
     let light = Light { sun_direction: sun, ..Light::default() };
-    let background = Background::Color(ground.color(&mut random, &camera, &light));
+    let background = Background::Color(taking.ground.color(&mut random, &camera, &light));
     let options = RenderOptions {
         width: DRAWN,
         height: DRAWN,
@@ -126,7 +143,7 @@ fn drawn(fabric: &Fabric, face: Face, ground: Ground, seed: u64) -> RgbImage {
 
 /// A photo of a face of a fabric.
 pub(crate) fn taken(fabric: &Fabric, face: Face, taking: Taking, seed: u64) -> RgbImage {
-    let drawn = drawn(fabric, face, taking.ground, seed);
+    let drawn = drawn(fabric, face, taking, seed);
     let mut random = Random::new(seed ^ 0xca3e4a);
     let side = f64::from(SIDE);
     let turn = random.within(-6.0, 6.0).to_radians();

@@ -234,7 +234,7 @@ fn drawn(like: &Fabric, kind: usize, face: Face) -> Vec<Vec<Spot>> {
         let points: Vec<_> = knitted.points.iter().map(|&point| face.seen(point)).collect();
         let mut buffer = HeightBuffer::new(&fabric, [1, TALL]);
         for at in first..end {
-            buffer.draw_span(&curve::span(&points, at), fabric.radius() * thickness, 0);
+            buffer.draw_span(&curve::span(&points, at), fabric.radius() * thickness, [1.0; 2], 0);
         }
         let spots = buffer.tops.iter().enumerate().filter(|(_, top)| top.system != NONE);
         let wale = fabric.wale_spacing();
