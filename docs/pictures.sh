@@ -38,7 +38,7 @@ done
 knit bench --only yarn-length -o docs/yarn_length.svg
 knit bench --only reading -o docs/reading.svg
 
-knit swatch --fabric jersey --view front --wales 24 --courses 30 --zoom 1.5 --size 800x800 --background '#101010' -o "$made/photo.png"
+knit swatch --fabric jersey --view front --wales 24 --courses 30 --flatten 1 --zoom 1.5 --size 800x800 --background '#101010' -o "$made/photo.png"
 knit capture "$made/photo.png" --structure free -o "$made/cloth"
 knit drape meshes/tshirt.obj --fabric "$made/cloth/fabric.toml" --size 800x800 --spp 16 -o docs/captured_shirt.png
 knit drape meshes/tshirt.obj --fabric "$made/cloth/fabric.toml" --size 800x800 --enlarge auto --zoom 12 -o docs/captured_fibres.png
