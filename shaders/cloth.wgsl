@@ -230,10 +230,10 @@ fn shade(in: Surface) -> Light {
     var world = in.world;
     var outward = normalize(in.normal);
     var around = in.side * 0.5 + 0.5;
-    // An impostor: restore the tube's normal and position from the place across the strip.
     // Interpolation leaves the section not quite across the yarn.
     let oval = in.oval - tangent * dot(in.oval, tangent);
     var circle = outward;
+    // An impostor: restore the tube's normal and position from the place across the strip.
     if SHAPE == STRIP {
         let front_of = front_of_strip(outward, tangent, toward_eye);
         let place = surface_place(oval, outward, front_of, in.side, in.radius);

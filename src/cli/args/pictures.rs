@@ -40,8 +40,8 @@ pub(crate) struct DrawingArgs {
     /// Draw yarns as tubes, or in pictures as flat ribbons
     #[arg(long, value_enum, default_value = "tube")]
     pub(crate) shape: ShapeArg,
-    /// Draw all stitches alike, of even yarn, as they are measured and as files have them [default:
-    /// pictures show some unevenness]
+    /// Draw all stitches alike, of even and round yarn, as they are measured [default: pictures show
+    /// some unevenness]
     #[arg(long)]
     pub(crate) regular: bool,
     /// Maps of a yarn: a folder with base_color.png and others, or one image; x runs along the yarn
