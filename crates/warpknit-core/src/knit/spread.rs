@@ -246,7 +246,7 @@ mod tests {
             ratios.iter().sum::<f32>() / ratios.len() as f32
         };
         let [underlaps, loops] = [PointKind::Underlap, PointKind::WarpLoop].map(mean);
-        assert!(underlaps > 1.2 * loops && loops > 1.2, "{underlaps} {loops}");
+        assert!(underlaps > 1.2 * loops && loops > 1.1, "{underlaps} {loops}");
         let jersey = Fabric::named("jersey").unwrap();
         let spread = Spread::of(&jersey, &Pattern::new(&jersey), jersey.radius());
         assert!(spread.widest() < 1.5);
