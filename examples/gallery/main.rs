@@ -10,13 +10,11 @@ mod picture;
 mod worn;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use warpknit::drape::evenness::Evenness;
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::{Fabric, builtin};
-use warpknit::knit::spread::Spread;
 use warpknit::photo::yarn::read_maps;
 use warpknit::render::View;
 use warpknit::render::cloth::{looks, with_cloth};
@@ -48,10 +46,9 @@ fn draw(folder: &Path, fabric: &Fabric) -> Result<()> {
     let (wales, courses) = frame.swatch(fabric);
     let panel = swatch_panel(fabric, wales, courses);
     let cloth = Cloth::swatch(&panel, fabric, wales, courses);
+    let cloth = cloth.with_spread_yarns(fabric, fabric.radius());
     let looks = looks(fabric, fabric.radius());
-    let spread = Some(Arc::new(Spread::of(fabric, cloth.pattern(), fabric.radius())));
-    let empty = Scene { looks, evenness: Evenness::Uneven, spread, ..Scene::default() };
-    let scene = with_cloth(&cloth, empty);
+    let scene = with_cloth(&cloth, Scene { looks, evenness: Evenness::Uneven, ..Scene::default() });
     both_sides(folder, &fabric.name, &frame, &scene)
 }
 

@@ -60,7 +60,7 @@ pub use motion::{Motion, Sequence};
 pub use numbers::RealCloth;
 pub use pictures::options;
 pub use reading::{read_frames, read_garment};
-pub use run::{drape, swatch};
+pub use run::{drape, spread, swatch};
 pub use set::{Staged, set};
 pub use settings::{
     Body, Densities, EdgeFinish, Enlarge, LoupeChoice, PictureSettings, Placement, Settings, Wanted,

@@ -5,7 +5,6 @@
 //! and files of it are jobs of their own: its cloth is then knitted twice.
 
 use std::borrow::Cow;
-use std::sync::Arc;
 
 use super::RunError;
 use super::clock::{Clock, Task};
@@ -16,17 +15,17 @@ use super::limits::{check_settings, lengths_note};
 use super::make::make;
 use super::motion::Sequence;
 use super::sequence;
-use super::settings::Settings;
+use super::settings::{Settings, Wanted};
 use super::stretch::pull;
 use super::summary::Done;
 use super::writers::wanted;
 use crate::drape::evenness::Evenness;
 use crate::drape::{self, Cloth, LayoutError, swatch_panel};
 use crate::edges::{Edges, Finished};
+use crate::export::Format;
 use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
 use crate::knit::Pattern;
-use crate::knit::spread::Spread;
 use crate::map::Mapping;
 
 /// Files that show one cloth, before its yarns are laid.
@@ -80,10 +79,10 @@ pub fn drape(
     let parts = parts(whole, &garment, settings, source, &mut clock)?;
     let cloths = parts.iter().map(|part| {
         let garment = part.finished.as_ref().map_or(&garment, |(_, finished)| &finished.garment);
-        let shown = &part.shown.fabric;
+        let Shown { fabric: shown, outputs, .. } = &part.shown;
         let cloth = Cloth::cover_with(garment, shown, part.pattern.clone())
             .map_err(|error| misfit(error, source))?;
-        Ok(cloth.with_spread(spread(settings, shown, &part.pattern)?))
+        spread_for(outputs, cloth, shown, settings)
     });
     let cloths = cloths.collect::<Result<Vec<_>, RunError>>()?;
     let jobs: Vec<_> = parts
@@ -175,8 +174,8 @@ pub fn swatch(
         }
     };
     let panel = swatch_panel(&shown, wales, courses);
-    let spread = spread(&settings, &shown, &pattern)?;
-    let cloth = Cloth::swatch_with(&panel, &shown, pattern, [wales, courses]).with_spread(spread);
+    let cloth = Cloth::swatch_with(&panel, &shown, pattern, [wales, courses]);
+    let cloth = spread_for(&outputs, cloth, &shown, &settings)?;
     let area =
         f64::from(wales) * fabric.wale_spacing() * f64::from(courses) * fabric.course_spacing();
     let job = Job {
@@ -199,15 +198,34 @@ pub fn swatch(
     Ok(Done { stretched, ..make(&[job], clock)? })
 }
 
-/// How flat yarns lie, where the user did not choose it and cloth is not regular.
-fn spread(
-    settings: &Settings,
+/// A cloth with spread yarns, where any file shows their sections and the settings ask for it.
+fn spread_for<'a>(
+    outputs: &[Wanted],
+    cloth: Cloth<'a>,
     shown: &Fabric,
-    pattern: &Pattern,
-) -> Result<Option<Arc<Spread>>, RunError> {
+    settings: &Settings,
+) -> Result<Cloth<'a>, RunError> {
+    let shows = |format: Format| format == Format::Png || format.holds_tubes();
+    if !outputs.iter().any(|(_, format)| shows(*format)) {
+        return Ok(cloth);
+    }
     let radius = drawn_radius(shown, settings.radius)?;
-    let follows = settings.flatten.is_none() && settings.picture.evenness == Evenness::Uneven;
-    Ok(follows.then(|| Arc::new(Spread::of(shown, pattern, radius))))
+    Ok(spread(cloth, shown, radius, (settings.flatten, settings.picture.evenness)))
+}
+
+/// A cloth whose yarns lie as flat as their neighbours leave room, unless a ratio is chosen or the
+/// cloth is regular.
+pub fn spread<'a>(
+    cloth: Cloth<'a>,
+    fabric: &Fabric,
+    radius: f64,
+    (flatten, evenness): (Option<f64>, Evenness),
+) -> Cloth<'a> {
+    if flatten.is_none() && evenness == Evenness::Uneven {
+        cloth.with_spread_yarns(fabric, radius)
+    } else {
+        cloth
+    }
 }
 
 /// Flat area of a garment, mm².

@@ -2,16 +2,13 @@
 //! sheared, bent, blurred, unevenly lit and full of noise.
 
 use std::f32::consts::FRAC_1_PI;
-use std::sync::Arc;
 
 use glam::{DMat2, DVec2, DVec3, Vec3, Vec4};
 use image::{Rgb, RgbImage};
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Count;
-use warpknit::knit::spread::Spread;
 use warpknit::photo::recognise::Face;
-use warpknit::render::scene::Scene;
 use warpknit::render::{Background, Camera, Light, RenderOptions, cloth, render, tone};
 
 use super::cloth::{Random, byte, whole};
@@ -101,10 +98,9 @@ fn drawn(fabric: &Fabric, face: Face, taking: Taking, seed: u64) -> RgbImage {
     let [wales, courses] = [fabric.wale_spacing(), fabric.course_spacing()].map(count);
     let panel = swatch_panel(fabric, wales, courses);
     let laid = Cloth::swatch(&panel, fabric, wales, courses);
-    let spread =
-        taking.is_spread.then(|| Arc::new(Spread::of(fabric, laid.pattern(), fabric.radius())));
-    let looks = cloth::looks(fabric, fabric.radius());
-    let mut scene = cloth::with_cloth(&laid, Scene { looks, spread, ..Scene::default() });
+    let laid =
+        if taking.is_spread { laid.with_spread_yarns(fabric, fabric.radius()) } else { laid };
+    let mut scene = cloth::from_cloth(&laid, fabric);
     let shade = random.within(0.3, 0.7) as f32;
     scene.looks.iter_mut().for_each(|look| look.albedo = Vec3::splat(shade));
     let centre = scene.bounds().unwrap().centre().as_dvec3().with_z(0.0)

@@ -18,12 +18,10 @@ use crate::cli::warpknit;
 use crate::gpu::{can_draw, difference};
 
 /// A swatch whose yarns lie as flat as their neighbours leave room.
-pub(crate) fn spread_swatch(fabric: &Fabric, wales: u32, courses: u32) -> Scene {
+fn spread_swatch(fabric: &Fabric, wales: u32, courses: u32) -> Scene {
     let panel = swatch_panel(fabric, wales, courses);
     let laid = Cloth::swatch(&panel, fabric, wales, courses);
-    let spread = Some(Arc::new(Spread::of(fabric, laid.pattern(), fabric.radius())));
-    let looks = cloth::looks(fabric, fabric.radius());
-    cloth::with_cloth(&laid, Scene { looks, spread, ..Scene::default() })
+    cloth::from_cloth(&laid.with_spread_yarns(fabric, fabric.radius()), fabric)
 }
 
 /// Mean width of a yarn along y that is flattened to a ratio of 4, in radii, seen from a side. Pixels

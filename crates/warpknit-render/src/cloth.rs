@@ -132,7 +132,8 @@ pub fn from_cloth(cloth: &Cloth<'_>, fabric: &Fabric) -> Scene {
     with_cloth(cloth, empty)
 }
 
-/// Adds a whole cloth, as even as the scene is, to a scene that has a look for each of its bars.
+/// Adds a whole cloth, as even as the scene is, to a scene that has a look for each of its bars. Its
+/// yarns lie as flat as the cloth says, or else the scene.
 #[must_use]
 pub fn with_cloth(cloth: &Cloth<'_>, scene: Scene) -> Scene {
     with_mapped(cloth, scene, Mapping::default())
@@ -141,6 +142,7 @@ pub fn with_cloth(cloth: &Cloth<'_>, scene: Scene) -> Scene {
 /// The same of cloth that is mapped in this way.
 pub(crate) fn with_mapped(cloth: &Cloth<'_>, mut scene: Scene, mapping: Mapping) -> Scene {
     let options = DrapeOptions { evenness: scene.evenness, mapping, ..DrapeOptions::default() };
+    scene.spread = cloth.spread().cloned().or(scene.spread);
     let Ok(_totals) = run(cloth, &options, &mut |_, _| {}, &mut |blocks| {
         blocks.iter().for_each(|block| add_to(&mut scene, block));
         Ok::<(), std::convert::Infallible>(())

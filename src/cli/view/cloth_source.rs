@@ -15,7 +15,6 @@ use warpknit::drape::{self, Block, Cloth, DrapeOptions, Totals};
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::garment::{Garment, Panel};
 use warpknit::knit::Pattern;
-use warpknit::knit::spread::Spread;
 use warpknit::render::cloth;
 use warpknit::render::scene::{Scene, Shape};
 use warpknit::report::Timings;
@@ -167,14 +166,9 @@ impl ClothSource {
             }
             ClothBase::Swatch { wales, courses } => {
                 let panel = drape::swatch_panel(&fabric, *wales, *courses);
-                self.lay(
-                    &Cloth::swatch(&panel, &fabric, *wales, *courses),
-                    &fabric,
-                    radius,
-                    recipe,
-                    clock,
-                    superseded,
-                )
+                let cloth = Cloth::swatch(&panel, &fabric, *wales, *courses);
+                let cloth = pipeline::spread(cloth, &fabric, radius, (self.flatten, self.evenness));
+                self.lay(&cloth, &fabric, radius, recipe, clock, superseded)
             }
         }
     }
@@ -200,6 +194,7 @@ impl ClothSource {
             .then(|| pipeline::edges_of(&garment, &pattern, radius).finish(&garment));
         let garment = finished.as_ref().map_or(&*garment, |finished| &finished.garment);
         let cloth = Cloth::cover_with(garment, fabric, pattern).with_context(label)?;
+        let cloth = pipeline::spread(cloth, fabric, radius, (self.flatten, self.evenness));
         let mut knitted = self.lay(&cloth, fabric, radius, recipe, clock, superseded)?;
         if let (Some(knitted), Some(finished)) = (&mut knitted, &finished) {
             pipeline::add_thread_look(&mut knitted.scene, &finished.threads);
@@ -228,12 +223,6 @@ impl ClothSource {
         StrainCache::open(self.cache.as_deref().filter(|_| is_first), cloth)
     }
 
-    /// How flat yarns lie, where the user did not choose it.
-    fn spread(&self, cloth: &Cloth<'_>, fabric: &Fabric, radius: f64) -> Option<Arc<Spread>> {
-        let follows = self.flatten.is_none() && self.evenness == Evenness::Uneven;
-        follows.then(|| Arc::new(Spread::of(fabric, cloth.pattern(), radius)))
-    }
-
     /// Runs the pipeline on a cloth and collects its blocks in a scene. It checks after each group
     /// of blocks whether the cloth is still wanted.
     fn lay(
@@ -250,7 +239,7 @@ impl ClothSource {
         let textures = &self.choices[recipe.fabric].textures;
         let mut scene = Scene {
             evenness: self.evenness,
-            spread: self.spread(cloth, fabric, radius),
+            spread: cloth.spread().cloned(),
             ..pipeline::scene(recipe.shape, fabric, radius, textures)
                 .flattened(self.flatten.unwrap_or(1.0))
         };

@@ -189,8 +189,8 @@ impl Block {
                 (&self.draped.positions[strand.range()], &self.draped.normals[strand.range()]);
             ratios.clear();
             if let Some(spread) = spread {
-                let sources = strand.range().map(|point| self.strands.source_near(point) as usize);
-                ratios.extend(sources.map(|source| spread.ratio(self.knitted.origins[source])));
+                let origins = strand.range().map(|point| self.origin_near(point));
+                ratios.extend(origins.map(|origin| spread.ratio(origin)));
             }
             // The frame of a round section does not follow the cloth.
             if ratios.iter().all(|ratio| *ratio == 1.0) {

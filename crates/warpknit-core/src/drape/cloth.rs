@@ -278,9 +278,11 @@ impl<'a> Cloth<'a> {
         Self { garment, pattern, strain, thickness, spread, meshes, blocks, yarns, whole }
     }
 
-    /// The same cloth with yarns that lie as flat as `spread` says.
+    /// The same cloth with yarns that lie as flat as their neighbours leave room. The thickest of
+    /// them is drawn with `radius` mm.
     #[must_use]
-    pub fn with_spread(self, spread: Option<Arc<Spread>>) -> Self {
+    pub fn with_spread_yarns(self, fabric: &Fabric, radius: f64) -> Self {
+        let spread = Some(Arc::new(Spread::of(fabric, &self.pattern, radius)));
         Self { spread, ..self }
     }
 

@@ -18,37 +18,47 @@
 //!
 //! [`Yarn::most_flattening`]: crate::fabric::yarn::Yarn::most_flattening
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::cell_list::CellList;
 use super::clearance::SAME_STRAND_RADII;
-use super::repeat::RepeatYarn;
 use super::{MAX_RELAXED_LAPS, Pattern};
 use crate::fabric::Fabric;
+use crate::fabric::yarn::Yarn;
 use crate::ids::index32;
 use crate::number::narrow;
 use crate::yarn::curve;
 
 /// Places on each span that are compared.
-const SAMPLES: usize = 4;
+const PLACES: usize = 4;
 /// Change of a section's half-width for each mm of yarn. Filaments part slowly.
 const SLOPE: f64 = 0.25;
 
 /// Ratios of width to height of sections at the data points of a repeat.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spread(Vec<f32>);
+pub struct Spread {
+    ratios: Vec<f32>,
+    widest: f32,
+}
+
+/// A yarn of the repeat as a body.
+struct YarnBody {
+    radius: f64,
+    /// Ratio that it may have.
+    most: f64,
+    /// Length of its repeat, mm.
+    length: f64,
+    /// Whether it runs across the wales.
+    runs_across: bool,
+}
 
 /// A place on a yarn of the repeat.
-struct Sample {
+struct YarnPlace {
     at: DVec3,
-    radius: f64,
-    /// Ratio that its yarn may have.
-    most: f64,
-    /// Index of its yarn, length from the yarn's start, and the length of its repeat, mm.
+    /// Index of its yarn, and the length from the yarn's start, mm.
     yarn: usize,
     along: f64,
-    period: f64,
 }
 
 impl Spread {
@@ -65,112 +75,120 @@ impl Spread {
         let repeat = &pattern.repeat;
         let stitches = pattern.size[0] * pattern.size[1] * fabric.yarn_systems();
         if fabric.is_laid() || stitches > MAX_RELAXED_LAPS {
-            return Self(vec![1.0; repeat.points.len()]);
+            return Self { ratios: vec![1.0; repeat.points.len()], widest: 1.0 };
         }
-        let radii: Vec<f64> =
-            fabric.thickness().into_iter().map(|thickness| radius * thickness).collect();
-        let most: Vec<f64> = fabric.yarns().map(|yarn| yarn.most_flattening()).collect();
-        let mut samples = Vec::with_capacity(repeat.points.len() * SAMPLES);
-        for (number, yarn) in repeat.yarns.iter().enumerate() {
-            let first = samples.len();
-            samples.extend(samples_of(pattern, (number, yarn), radii[yarn.bar], most[yarn.bar]));
-            debug_assert_eq!(samples.len() - first, repeat.points_of(yarn).len() * SAMPLES);
-        }
-        let widest = most.iter().copied().fold(1.0, f64::max);
-        let thickest = radii.iter().copied().fold(0.0, f64::max);
-        let places: Vec<(DVec3, f64)> =
-            samples.iter().map(|sample| (sample.at, sample.radius)).collect();
-        // Two yarns as flat as can be side by side reach so far from each other.
-        let gap = 2.0 * thickest * (widest.sqrt() - 1.0);
-        let near = CellList::new(&places, pattern.repeat_size(), gap);
-        let free: Vec<f64> = (0..samples.len())
-            .into_par_iter()
-            .map(|place| room(&samples, &near, place, pattern))
-            .collect();
+        let (bodies, places) = bodies_and_places(fabric, pattern, radius);
+        let free = rooms(&bodies, &places, pattern.repeat_size());
         let mut ratios = vec![1.0; repeat.points.len()];
         let mut first = 0;
-        for yarn in &repeat.yarns {
+        for (yarn, body) in repeat.yarns.iter().zip(&bodies) {
             let points = repeat.points_of(yarn);
-            let own = first..first + points.len() * SAMPLES;
+            let own = first..first + points.len() * PLACES;
             first = own.end;
-            let widths = eased(&free[own.clone()], &samples[own]);
+            let widths = eased(&free[own.clone()], &places[own], body);
             // What any place up to the next data points has room for: between them it is between
             // their ratios.
-            for (at, point) in points.clone().enumerate() {
-                let around = (1..2 * SAMPLES).map(|step| {
-                    let place = at * SAMPLES + step + widths.len() - SAMPLES;
+            for (at, point) in points.enumerate() {
+                let around = (1..2 * PLACES).map(|step| {
+                    let place = at * PLACES + step + widths.len() - PLACES;
                     widths[place % widths.len()]
                 });
                 ratios[point] = narrow(around.fold(f64::INFINITY, f64::min).powi(2));
             }
         }
-        Self(ratios)
+        let widest = ratios.iter().copied().fold(1.0, f32::max);
+        Self { ratios, widest }
     }
 
     /// The ratio at a data point of the repeat, an origin of [`super::Knitted`].
     #[must_use]
     pub fn ratio(&self, origin: u32) -> f32 {
-        self.0[origin as usize]
+        self.ratios[origin as usize]
     }
 
     /// The largest ratio.
     #[must_use]
     pub fn widest(&self) -> f32 {
-        self.0.iter().copied().fold(1.0, f32::max)
+        self.widest
     }
 }
 
-/// Places on one repeat of a yarn, in order.
-fn samples_of(
+/// The yarns of the repeat, and places on one repeat of each, in order.
+fn bodies_and_places(
+    fabric: &Fabric,
     pattern: &Pattern,
-    (number, yarn): (usize, &RepeatYarn),
     radius: f64,
-    most: f64,
-) -> Vec<Sample> {
-    let unrolled = pattern.repeat.unrolled(yarn);
-    let (mut samples, mut along) = (Vec::new(), 0.0);
-    for index in 1..unrolled.len() - 2 {
-        let span = curve::span(&unrolled, index);
-        let length = span.length();
-        for step in 0..SAMPLES {
-            let share = f64::from(index32(step)) / f64::from(index32(SAMPLES));
-            let along = along + length * share;
-            samples.push(Sample {
-                at: span.at(share),
-                radius,
-                most,
-                yarn: number,
-                along,
-                period: 0.0,
-            });
+) -> (Vec<YarnBody>, Vec<YarnPlace>) {
+    let repeat = &pattern.repeat;
+    let thickness = fabric.thickness();
+    let most: Vec<f64> = fabric.yarns().map(Yarn::most_flattening).collect();
+    let mut places = Vec::with_capacity(repeat.points.len() * PLACES);
+    let bodies = repeat.yarns.iter().enumerate().map(|(number, yarn)| {
+        let length = add_places(&repeat.unrolled(yarn), number, &mut places);
+        YarnBody {
+            radius: radius * thickness[yarn.bar],
+            most: most[yarn.bar],
+            length,
+            runs_across: pattern.runs_across(yarn.bar),
         }
-        along += length;
-    }
-    samples.iter_mut().for_each(|sample| sample.period = along);
-    samples
+    });
+    (bodies.collect(), places)
 }
 
-/// The ratio that a place has room for.
-fn room(samples: &[Sample], near: &CellList, place: usize, pattern: &Pattern) -> f64 {
-    let here = &samples[place];
-    let mut ratio = here.most;
+/// Adds the places on a yarn number `yarn`, whose points have one before and two after its repeat.
+/// Returns the yarn's length, mm.
+fn add_places(unrolled: &[DVec3], yarn: usize, places: &mut Vec<YarnPlace>) -> f64 {
+    let mut before = 0.0;
+    for index in 1..unrolled.len() - 2 {
+        let span = curve::span(unrolled, index);
+        let length = span.length();
+        places.extend((0..PLACES).map(|step| {
+            let share = f64::from(index32(step)) / f64::from(index32(PLACES));
+            YarnPlace { at: span.at(share), yarn, along: before + length * share }
+        }));
+        before += length;
+    }
+    before
+}
+
+/// The ratio that each place has room for, in cloth that repeats after `cell`.
+fn rooms(bodies: &[YarnBody], places: &[YarnPlace], cell: DVec2) -> Vec<f64> {
+    let balls: Vec<_> = places.iter().map(|place| (place.at, bodies[place.yarn].radius)).collect();
+    let widest = bodies.iter().map(|body| body.most).fold(1.0, f64::max);
+    let thickest = bodies.iter().map(|body| body.radius).fold(0.0, f64::max);
+    // Two yarns as flat as can be side by side reach so far from each other.
+    let near = CellList::new(&balls, cell, 2.0 * thickest * (widest.sqrt() - 1.0));
+    (0..places.len())
+        .into_par_iter()
+        .map(|place| room(bodies, places, &near, place, cell))
+        .collect()
+}
+
+/// The ratio that one place has room for.
+fn room(
+    bodies: &[YarnBody],
+    places: &[YarnPlace],
+    near: &CellList,
+    place: usize,
+    cell: DVec2,
+) -> f64 {
+    let here = &places[place];
+    let own = &bodies[here.yarn];
+    let mut ratio = own.most;
     if ratio <= 1.0 {
         return 1.0;
     }
-    let cell = pattern.repeat_size();
     near.near(place, |other, shift| {
-        let there = &samples[other];
+        let there = &places[other];
         // Copies of a yarn in cells along it are the same strand.
-        let period = pattern.repeat.yarns[here.yarn].period;
-        let [beside, cells] =
-            if period.x > period.y { [shift.y, shift.x] } else { [shift.x, shift.y] };
-        let is_beside = beside != 0.0;
-        let along = there.along - here.along + cells * here.period;
-        if here.yarn == there.yarn && !is_beside && along.abs() <= SAME_STRAND_RADII * here.radius {
+        let (beside, cells) = if own.runs_across { (shift.y, shift.x) } else { shift.into() };
+        let along = there.along - here.along + cells * own.length;
+        if here.yarn == there.yarn && beside == 0.0 && along.abs() <= SAME_STRAND_RADII * own.radius
+        {
             return;
         }
-        let apart =
-            (there.at - here.at + (shift * cell).extend(0.0)) / (here.radius + there.radius);
+        let touching = own.radius + bodies[there.yarn].radius;
+        let apart = (there.at - here.at + (shift * cell).extend(0.0)) / touching;
         ratio = ratio.min(flattest(apart.truncate().length_squared(), apart.z * apart.z));
     });
     ratio.max(1.0)
@@ -195,12 +213,12 @@ fn flattest(beside: f64, above: f64) -> f64 {
 
 /// Half-widths over the radius, from the ratios that places along a closed yarn have room for, so
 /// that they change slowly.
-fn eased(ratios: &[f64], samples: &[Sample]) -> Vec<f64> {
+fn eased(ratios: &[f64], places: &[YarnPlace], body: &YarnBody) -> Vec<f64> {
     let count = ratios.len();
     let mut widths: Vec<f64> = ratios.iter().map(|ratio| ratio.sqrt()).collect();
     let step = |from: usize, to: usize| {
-        let Sample { radius, period, .. } = samples[from];
-        SLOPE * (samples[to].along - samples[from].along).rem_euclid(period) / radius
+        let apart = (places[to].along - places[from].along).rem_euclid(body.length);
+        SLOPE * apart / body.radius
     };
     // Twice around, so that the narrowest place counts on both sides.
     for at in 0..2 * count {

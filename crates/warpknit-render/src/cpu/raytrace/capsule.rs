@@ -200,27 +200,8 @@ mod tests {
     use glam::{DVec3, Vec3};
     use proptest::prelude::*;
 
-    /// A ray at a leaf, whose capsules have the vector of one section.
-    struct Pressed<'a>(One<'a>, Vec3);
-
-    impl Kernel for Pressed<'_> {
-        type Output = [f32; LANES];
-
-        #[inline(always)]
-        fn run<S: Eight>(self, simd: S) -> [f32; LANES] {
-            let Self(One(leaf, origin, direction), q) = self;
-            let ray = LaneRay::new(simd, origin, direction);
-            let (near, beside) = leaf.near(&ray, Some(Lanes3::all(simd, q.to_array())));
-            let distances = beside.distances(&ray).array();
-            std::array::from_fn(
-                |lane| {
-                    if near >> lane & 1 == 1 { distances[lane] } else { f32::INFINITY }
-                },
-            )
-        }
-    }
-
-    struct One<'a>(&'a SegmentLeaf, Vec3, Vec3);
+    /// A ray at a leaf, whose capsules have the vector of one section if they are flattened.
+    struct One<'a>(&'a SegmentLeaf, Vec3, Vec3, Option<Vec3>);
 
     impl Kernel for One<'_> {
         type Output = [f32; LANES];
@@ -228,7 +209,8 @@ mod tests {
         #[inline(always)]
         fn run<S: Eight>(self, simd: S) -> [f32; LANES] {
             let ray = LaneRay::new(simd, self.1, self.2);
-            let (near, beside) = self.0.near(&ray, None);
+            let ovals = self.3.map(|q| Lanes3::all(simd, q.to_array()));
+            let (near, beside) = self.0.near(&ray, ovals);
             let distances = beside.distances(&ray).array();
             std::array::from_fn(
                 |lane| {
@@ -241,7 +223,7 @@ mod tests {
     /// Distance to the capsule from `a` to `b`, which is alone in its leaf.
     fn capsule(origin: Vec3, direction: Vec3, a: Vec3, b: Vec3, radius: f32) -> f32 {
         let leaf = SegmentLeaf::new(&[a.extend(radius), b.extend(0.0)], 0, |_| radius);
-        let [distance, others @ ..] = Instructions::best().run(One(&leaf, origin, direction));
+        let [distance, others @ ..] = Instructions::best().run(One(&leaf, origin, direction, None));
         assert_eq!(others, [f32::INFINITY; LANES - 1], "absent capsules are never hit");
         distance
     }
@@ -364,7 +346,7 @@ mod tests {
             let leaf = SegmentLeaf::new(&points, 0, |start| 0.1 + start as f32 * 0.05);
             let direction = (aim - origin).normalize_or(Vec3::X);
             let [best, plain] = [Instructions::best(), Instructions::plain()]
-                .map(|set| set.run(One(&leaf, origin, direction)).map(f32::to_bits));
+                .map(|set| set.run(One(&leaf, origin, direction, None)).map(f32::to_bits));
             prop_assert_eq!(best, plain);
         }
 
@@ -376,8 +358,8 @@ mod tests {
             let direction = (aim - origin).normalize_or(Vec3::X);
             let q = q.clamp_length_max(0.9);
             let leaf = SegmentLeaf::new(&[a.extend(0.25), b.extend(0.0)], 0, |_| 0.25);
-            let ray = One(&leaf, origin, direction);
-            let found = f64::from(Instructions::best().run(Pressed(ray, q))[0]);
+            let ray = One(&leaf, origin, direction, Some(q));
+            let found = f64::from(Instructions::best().run(ray)[0]);
             let q = q.as_dvec3();
             let shrunk = |v: Vec3| v.as_dvec3() - q * q.dot(v.as_dvec3());
             let [o, d, p, e] = [origin, direction, a, b].map(shrunk);

@@ -35,7 +35,7 @@ pub(super) struct SplatPieces<'a> {
 }
 
 /// From where pieces are seen, and where they are drawn.
-pub(super) trait View {
+pub(super) trait Viewpoint {
     /// Column, row and depth of a point. `None` for points that are not drawn.
     fn project(&self, point: Vec3) -> Option<Vec3>;
 
@@ -54,7 +54,7 @@ pub(super) struct SplatPiece {
 
 /// What a viewer sees of a piece's section.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Silhouette {
+pub(super) struct SeenSection {
     /// Half of its width, mm.
     pub(super) half_width: f32,
     /// How far it rises from the axis toward the viewer, mm.
@@ -109,8 +109,8 @@ impl<'a> SplatPieces<'a> {
     /// silhouette, in parallel. Points that are not drawn are left out.
     pub(super) fn for_each(
         &self,
-        view: &(impl View + Sync),
-        draw: impl Fn([Vec3; 2], Silhouette) + Sync,
+        view: &(impl Viewpoint + Sync),
+        draw: impl Fn([Vec3; 2], SeenSection) + Sync,
     ) {
         self.parts().into_par_iter().for_each(|(strand, points)| {
             self.walk(strand, points, view, |_, ends, silhouette| draw(ends, silhouette));
@@ -123,8 +123,8 @@ impl<'a> SplatPieces<'a> {
     pub(super) fn for_each_in_block(
         &self,
         first: u32,
-        view: &impl View,
-        draw: impl FnMut(u32, [Vec3; 2], Silhouette),
+        view: &impl Viewpoint,
+        draw: impl FnMut(u32, [Vec3; 2], SeenSection),
     ) {
         let strand = self.strand_of(first);
         let end = self.scene.strands[strand].points.end.min(first.saturating_add(BLOCK));
@@ -138,8 +138,8 @@ impl<'a> SplatPieces<'a> {
         &self,
         strand: usize,
         points: Range<u32>,
-        view: &impl View,
-        mut draw: impl FnMut(u32, [Vec3; 2], Silhouette),
+        view: &impl Viewpoint,
+        mut draw: impl FnMut(u32, [Vec3; 2], SeenSection),
     ) {
         let strand = &self.scene.strands[strand];
         let Some(radius) = self.scene.radius(strand) else { return };
@@ -165,7 +165,7 @@ impl<'a> SplatPieces<'a> {
                         .map(|factor| factor * radius),
                     _ => [radius; 2],
                 };
-                draw(number, [start.1, end.1], Silhouette { half_width, rise });
+                draw(number, [start.1, end.1], SeenSection { half_width, rise });
             }
             (number, start) = (next, end);
         }
@@ -268,7 +268,7 @@ mod tests {
     /// A view that leaves points where they are.
     struct InPlace;
 
-    impl View for InPlace {
+    impl Viewpoint for InPlace {
         fn project(&self, point: Vec3) -> Option<Vec3> {
             Some(point)
         }

@@ -6,7 +6,7 @@
 use glam::{Mat4, Vec2, Vec3, Vec4Swizzles};
 
 use super::masks::Stroke;
-use super::pieces::{SplatPiece, View};
+use super::pieces::{SplatPiece, Viewpoint};
 use crate::cpu::to_f32;
 use crate::scene::Bounds;
 use crate::{Camera, RenderOptions};
@@ -98,7 +98,7 @@ impl Screen {
     }
 }
 
-impl View for Screen {
+impl Viewpoint for Screen {
     /// Column, row, and distance along the camera's axis. `None` for points behind the eye.
     fn project(&self, point: Vec3) -> Option<Vec3> {
         let clip = self.clip_from_world * point.extend(1.0);

@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::outline::CapsuleOutline;
-use super::pieces::{Silhouette, SplatPieces, View};
+use super::pieces::{SeenSection, SplatPieces, Viewpoint};
 use super::screen::Screen;
 use crate::light::SKY_REACH_RADII;
 use crate::set::{Mesh, SKIN};
@@ -125,7 +125,7 @@ impl ShadowMap {
     }
 
     /// Rasterises one piece into the map.
-    fn splat(&self, [one, other]: [Vec3; 2], silhouette: Silhouette) {
+    fn splat(&self, [one, other]: [Vec3; 2], silhouette: SeenSection) {
         let half_width = silhouette.half_width / self.texel;
         let outline = CapsuleOutline::new([one.truncate(), other.truncate()], half_width);
         for y in outline.rows(&(0..self.size[1])) {
@@ -231,7 +231,7 @@ impl ShadowMap {
     }
 }
 
-impl View for ShadowMap {
+impl Viewpoint for ShadowMap {
     fn project(&self, point: Vec3) -> Option<Vec3> {
         Some(self.place(point))
     }
