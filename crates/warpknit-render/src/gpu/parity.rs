@@ -8,6 +8,7 @@ use proptest::test_runner::TestRunner;
 use wgpu::util::DeviceExt;
 
 use super::Gpu;
+use crate::oval::{Oval, PackedOval};
 use crate::ply::{self, YarnPoint};
 use crate::shade::{self, LayerRelief, Surface, schlick_rough};
 use crate::sheen::Sheen;
@@ -170,6 +171,75 @@ fn formula(u: mat4x4f) -> vec4f {
         Vec4::new(open, shade::sky_visibility_of_ribbon(before, u[0].z, u[0].w), 0.0, 0.0)
     };
     assert_close(&found, &inputs.iter().map(expected).collect::<Vec<_>>(), 1e-5, 0);
+}
+
+/// The yarn shader for flattened yarns.
+fn flattened_yarn() -> String {
+    let flattened =
+        shaders::YARN.replace("override FLATTENED: bool = false", "const FLATTENED: bool = true");
+    assert!(flattened != shaders::YARN);
+    flattened
+}
+
+#[test]
+fn sections_are_the_same() {
+    let Some(gpu) = adapter("sections_are_the_same") else { return };
+    let formula = "
+fn formula(u: mat4x4f) -> vec4f {
+    let tangent = direction(u[0].xy);
+    let q = cross(tangent, direction(u[0].zw)) * sqrt(0.9 * u[1].x);
+    let width = normalize(cross(tangent, direction(u[1].zw)));
+    let front = cross(width, tangent);
+    let seen = section_seen(q, width, front, u[1].y);
+    let place = surface_place(q, width, front, 2.0 * u[2].x - 1.0, u[1].y);
+    let facing = place_facing(q, width, u[1].y);
+    let probe = vec3f(0.6, 0.3, 0.8);
+    return vec4f(seen.half_width, seen.rise, dot(place.offset + facing, probe), dot(place.outward, probe));
+}";
+    let inputs = random();
+    let twin = |u: &Input| {
+        let zw = |v: Vec4| direction(Vec4::new(v.z, v.w, 0.0, 0.0));
+        let (tangent, radius) = (direction(u[0]), u[1].y);
+        let oval = Oval::new(tangent.cross(zw(u[0])) * (0.9 * u[1].x).sqrt());
+        let width = tangent.cross(zw(u[1])).normalize();
+        let front = width.cross(tangent);
+        let half = radius * oval.height();
+        let side = 2.0 * u[2].x - 1.0;
+        let round_front = oval.shrunk(front).normalize();
+        let round = tangent.cross(round_front) * side + round_front * (1.0 - side * side).sqrt();
+        let offset = oval.grown(round) * half + oval.place_facing(width) * half;
+        let probe = Vec3::new(0.6, 0.3, 0.8);
+        Vec4::new(
+            half * oval.reach(width),
+            half / oval.shrunk(front).length(),
+            offset.dot(probe),
+            oval.shrunk(round).normalize().dot(probe),
+        )
+    };
+    let expected: Vec<_> = inputs.iter().map(twin).collect();
+    let source = flattened_yarn();
+    let found = on_device(&gpu, &source, &format!("{DIRECTION}{formula}"), &inputs);
+    assert_close(&found, &expected, 1e-3, 2);
+}
+
+#[test]
+fn packed_sections_are_the_same() {
+    let Some(gpu) = adapter("packed_sections_are_the_same") else { return };
+    // Floats hold the upper and the lower half of the bits.
+    let formula = "
+fn formula(u: mat4x4f) -> vec4f {
+    return vec4f(unpack_oval((u32(u[3].x) << 16u) | u32(u[3].y)), 0.0);
+}";
+    let ovals: Vec<_> =
+        random().iter().map(|u| Oval::new(u[0].truncate() * 2.0 - 1.0).pack()).collect();
+    let halves = |packed: &PackedOval| {
+        let [low, high] = bytemuck::cast::<PackedOval, [u16; 2]>(*packed).map(f32::from);
+        [Vec4::ZERO, Vec4::ZERO, Vec4::ZERO, Vec4::new(high, low, 0.0, 0.0)]
+    };
+    let inputs: Vec<Input> = ovals.iter().map(halves).collect();
+    let expected: Vec<_> =
+        ovals.iter().map(|packed| packed.unpack().vector().extend(0.0)).collect();
+    assert_close(&on_device(&gpu, shaders::YARN, formula, &inputs), &expected, 1e-6, 0);
 }
 
 #[test]
