@@ -37,6 +37,7 @@ pub mod fibres;
 pub mod gpu;
 pub mod hairs;
 pub mod light;
+mod look;
 pub mod maps;
 pub mod mips;
 pub mod octahedral;
@@ -50,6 +51,7 @@ pub mod set;
 pub mod shade;
 mod shape;
 pub mod sheen;
+mod tangent_frame;
 pub mod tone;
 mod unroll;
 #[cfg(not(feature = "gpu"))]

@@ -13,17 +13,17 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec3A, Vec4};
+use glam::{DVec3, Vec4};
 
 use super::{Camera, RenderOptions};
 use crate::octahedral::PackedUnit;
 use crate::oval::{PackedOval, Press};
 use crate::point_run::{MAX_WIDENING, MergedSpans, PointRun};
 use crate::scene::{Scene, SceneStrand, Shape, drawable};
+use crate::tangent_frame::TangentFrame;
 use warpknit_core::ids::index32;
 use warpknit_core::number::narrow;
 use warpknit_core::yarn::curve::{self, Span};
-use warpknit_core::yarn::frame;
 
 /// Tolerance of the distance between a curve and its chord, pixels. Higher values show corners in
 /// loops. Lower ones add pieces that no pixel shows.
@@ -38,9 +38,6 @@ const MAX_PIECES: u32 = 8;
 const SHADOW_RADII: f32 = 4.0;
 /// The same in pixels of the picture at most: yarns many pixels wide cast shadows that are resolved.
 const SHADOW_PIXELS: f64 = 2.0;
-/// Smallest sine of the angle between a yarn and the fabric's normal at which their cross product
-/// defines a ribbon's width. Below it, rounding decides the direction.
-const MIN_SINE: f32 = 1e-3;
 
 /// The shade of a yarn that is as light as its look says.
 pub(super) const PLAIN_SHADE: u8 = 128;
@@ -402,51 +399,6 @@ pub(super) fn pieces(span: &Span, pixel: impl Fn(DVec3) -> f64) -> u32 {
 /// show the same plies or texels side by side.
 pub(super) fn phase(strand: u32) -> f64 {
     f64::from(super::ply::hash(strand) >> 20) * 0.37
-}
-
-/// A rotation-minimising frame that moves along a yarn.
-#[derive(Clone, Copy, Default)]
-pub(super) struct TangentFrame {
-    position: DVec3,
-    pub(super) tangent: Vec3A,
-    pub(super) across: Vec3A,
-}
-
-impl TangentFrame {
-    /// Moves the frame to `position`, where the curve has this derivative. Returns the distance
-    /// moved, 0 for the first point.
-    pub(super) fn advance(&mut self, position: DVec3, derivative: DVec3) -> f64 {
-        let first = self.tangent == Vec3A::ZERO;
-        let tangent =
-            derivative.as_vec3a().normalize_or(if first { Vec3A::X } else { self.tangent });
-        let chord = position - self.position;
-        // Double reflection transports the direction across the yarn without twist about the
-        // tangent. A Frenet frame would flip at inflections.
-        let (across, moved) = if first {
-            (frame::perpendicular_unit(Vec3A::Z, tangent), 0.0)
-        } else {
-            (
-                frame::double_reflection(self.across, chord.as_vec3a(), self.tangent, tangent),
-                chord.length(),
-            )
-        };
-        *self = Self { position, tangent, across };
-        moved
-    }
-
-    /// The normal that a ribbon uses where the fabric's is `normal`. Where the yarn runs along the
-    /// normal, their cross product is undefined. There the normal is tilted slightly, so that the
-    /// ribbon's width keeps its last direction.
-    fn ribbon_normal(&mut self, normal: Vec3A) -> Vec3A {
-        // The width's squared length is the squared sine of the angle between yarn and normal.
-        let width = self.tangent.cross(normal);
-        if width.length_squared() >= MIN_SINE * MIN_SINE {
-            self.across = frame::perpendicular_unit(normal, self.tangent);
-            return normal;
-        }
-        // Here `across` is the last normal as `advance` transported it.
-        normal + self.across * (10.0 * MIN_SINE)
-    }
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ pub mod hairs;
 mod lanes;
 pub mod line;
 pub mod nurbs;
+mod outline;
 pub(crate) mod random;
 mod rings;
 mod steps;

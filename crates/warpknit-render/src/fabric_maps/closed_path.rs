@@ -14,7 +14,8 @@ use glam::{DVec2, DVec3, Quat, Vec3, Vec3A};
 
 use crate::octahedral::PackedUnit;
 use crate::oval::{Oval, PackedPress};
-use crate::paths::{PLAIN_SHADE, TangentFrame, YarnPaths, pieces};
+use crate::paths::{PLAIN_SHADE, YarnPaths, pieces};
+use crate::tangent_frame::TangentFrame;
 use warpknit_core::number::narrow;
 use warpknit_core::yarn::curve;
 
