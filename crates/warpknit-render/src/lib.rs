@@ -37,6 +37,7 @@ pub mod fibres;
 pub mod gpu;
 pub mod hairs;
 pub mod light;
+mod limits;
 mod look;
 pub mod maps;
 pub mod mips;

@@ -5,12 +5,7 @@
 
 use glam::Vec3;
 
-use crate::scene::MAX_COORDINATE;
-
-/// Whether renderers draw yarns of this radius.
-pub(crate) fn is_drawable_radius(radius: f32) -> bool {
-    radius > 0.0 && radius < MAX_COORDINATE
-}
+use crate::limits::is_drawable_radius;
 
 /// The least and the largest drawable radius of looks, mm; infinity and 0 if there is none.
 pub(crate) fn radii<'a>(looks: impl Iterator<Item = &'a YarnLook>) -> (f32, f32) {

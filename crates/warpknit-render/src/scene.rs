@@ -11,8 +11,10 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use crate::limits::is_drawable_radius;
+pub use crate::limits::{MAX_COORDINATE, drawable};
 pub use crate::look::{YarnKind, YarnLook};
-use crate::look::{cloth_radii, is_drawable_radius, radii};
+use crate::look::{cloth_radii, radii};
 use crate::maps::Maps;
 use crate::octahedral::PackedUnit;
 use crate::oval::{PackedPress, Press};
@@ -23,10 +25,6 @@ use warpknit_core::ids::{YarnId, index32};
 use warpknit_core::knit::spread::Spread;
 use warpknit_core::number::narrow;
 
-/// Largest coordinate that renderers accept, mm: ten kilometres. Beyond it, `f32` has a spacing of
-/// a millimetre, and whole stitches coincide.
-pub const MAX_COORDINATE: f32 = 1e7;
-
 /// Spans that count as a stitch in strands without any. The graphics card divides each stitch into as many
 /// pieces, and a knitted stitch has about as many spans.
 const STITCH_SPANS: u32 = 10;
@@ -34,13 +32,6 @@ const STITCH_SPANS: u32 = 10;
 /// it has no plies, and with a higher limit it would show straight pieces. With a lower one, cloth
 /// of fine yarns would be traced, with noise, because of a few threads.
 const MASKED_THREAD_PIXELS: f32 = 4.0;
-
-/// Whether renderers accept `point` as a point of a yarn: finite, and not beyond
-/// [`MAX_COORDINATE`].
-#[must_use]
-pub fn drawable(point: Vec3) -> bool {
-    point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
-}
 
 /// A yarn, or a run of one.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,0 +1,19 @@
+//! What renderers draw at all: points near enough, and radii neither nothing nor endless.
+
+use glam::Vec3;
+
+/// Largest coordinate that renderers accept, mm: ten kilometres. Beyond it, `f32` has a spacing of
+/// a millimetre, and whole stitches coincide.
+pub const MAX_COORDINATE: f32 = 1e7;
+
+/// Whether renderers accept `point` as a point of a yarn: finite, and not beyond
+/// [`MAX_COORDINATE`].
+#[must_use]
+pub fn drawable(point: Vec3) -> bool {
+    point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
+}
+
+/// Whether renderers draw yarns of this radius.
+pub(crate) fn is_drawable_radius(radius: f32) -> bool {
+    radius > 0.0 && radius < MAX_COORDINATE
+}
