@@ -81,7 +81,7 @@ fn from_gap_0(chain: &Chain) -> Option<Chain> {
 /// The colour of each yarn system; one for all if they hardly differ.
 ///
 /// What a pixel shows is taken for the sum of all yarns in it and of the ground, each its colour times its
-/// light from the camera.
+/// light of an even sky.
 fn colors(fit: &Fit, views: &[FaceView]) -> Vec<Color> {
     let systems = fit.candidate.fabric.yarn_systems();
     let mut sums = ColorSums::new(systems + views.len());

@@ -12,11 +12,18 @@ use rayon::prelude::*;
 
 use super::Face;
 use super::same::ClothKey;
-use super::sketch::Sketch;
+use super::sketch::{PartSpread, Sketch};
 use warpknit_core::fabric::motif::Motif;
 use warpknit_core::fabric::yarn::Count;
 use warpknit_core::fabric::{Bar, Fabric, Structure, builtin};
 use warpknit_core::knit::Pattern;
+use warpknit_core::knit::spread::Spread;
+
+/// Shares of the width by which filaments spread that are tried: cloth of round yarns, cloth whose
+/// yarns lie as flat as can be, and one in between.
+const SPREADS: [f64; 3] = [0.0, 0.5, 1.0];
+/// The share of drafts, which are like none and like all of these.
+const DRAFT_SPREAD: f64 = 0.25;
 
 /// A cloth, and what its faces look like.
 #[derive(Clone)]
@@ -32,31 +39,33 @@ pub(super) struct Candidate {
 
 impl Candidate {
     /// Lays a fabric out and draws both faces; nothing is relaxed.
-    pub(super) fn draft(fabric: Fabric) -> Self {
-        let pattern = Pattern::draft(&fabric);
-        Self::drawn(fabric, &pattern)
+    pub(super) fn draft(fabric: &Fabric) -> Self {
+        let [drawn] = Self::drawn(fabric, &Pattern::draft(fabric), [DRAFT_SPREAD]);
+        drawn
     }
 
     /// Relaxes a fabric and draws both faces.
-    pub(super) fn relaxed(fabric: Fabric) -> Self {
-        let pattern = Pattern::new(&fabric);
-        Self::drawn(fabric, &pattern)
+    pub(super) fn relaxed(fabric: &Fabric) -> Self {
+        let [drawn] = Self::drawn(fabric, &Pattern::new(fabric), [DRAFT_SPREAD]);
+        drawn
     }
 
-    fn drawn(fabric: Fabric, pattern: &Pattern) -> Self {
-        let sketches = [Face::Front, Face::Back].map(|face| Sketch::new(&fabric, pattern, face));
-        let (mut key, mut is_handed) = (None, true);
-        match &fabric.structure {
-            Structure::Warp(knit) => {
-                let size = (fabric.repeat(), fabric.threading_repeat());
-                key = Some(ClothKey::new(knit, size.0, size.1));
-                let handed = |mirrored| ClothKey::handed(knit, size.0, size.1, mirrored);
-                is_handed = handed(false) != handed(true);
-            }
-            Structure::Weft(_) => is_handed = false,
-            Structure::Laid(_) => {}
-        }
-        Self { fabric, key, sketches, is_handed }
+    /// Relaxes a fabric and draws both faces, once for each of [`SPREADS`].
+    pub(super) fn relaxed_and_spread(fabric: &Fabric) -> [Self; SPREADS.len()] {
+        Self::drawn(fabric, &Pattern::new(fabric), SPREADS)
+    }
+
+    /// A fabric whose yarns are spread by each of some shares.
+    fn drawn<const N: usize>(fabric: &Fabric, pattern: &Pattern, shares: [f64; N]) -> [Self; N] {
+        let spread = &Spread::of(fabric, pattern, fabric.radius());
+        let (key, is_handed) = key_and_hand(fabric);
+        shares.map(|share| Self {
+            fabric: fabric.clone(),
+            key: key.clone(),
+            sketches: [Face::Front, Face::Back]
+                .map(|face| Sketch::new(fabric, pattern, PartSpread { spread, share }, face)),
+            is_handed,
+        })
     }
 
     /// Its sketch from a face.
@@ -70,6 +79,20 @@ impl Candidate {
     /// Wales and courses of its repeat.
     pub(super) fn repeat(&self) -> [usize; 2] {
         self.sketches[0].repeat
+    }
+}
+
+/// A fabric's key, and whether its mirror image is another cloth to the eye.
+fn key_and_hand(fabric: &Fabric) -> (Option<ClothKey>, bool) {
+    match &fabric.structure {
+        Structure::Warp(knit) => {
+            let [courses, guides] = [fabric.repeat(), fabric.threading_repeat()];
+            let handed = |mirrored| ClothKey::handed(knit, courses, guides, mirrored);
+            let is_handed = handed(false) != handed(true);
+            (Some(ClothKey::new(knit, courses, guides)), is_handed)
+        }
+        Structure::Weft(_) => (None, false),
+        Structure::Laid(_) => (None, true),
     }
 }
 
@@ -111,9 +134,9 @@ pub(super) fn warp_knits() -> &'static [Candidate] {
             .into_par_iter()
             .map(|fabric| {
                 if has_inlay(&fabric) {
-                    Candidate::relaxed(fabric)
+                    Candidate::relaxed(&fabric)
                 } else {
-                    Candidate::draft(fabric)
+                    Candidate::draft(&fabric)
                 }
             })
             .collect();
@@ -150,7 +173,7 @@ pub(super) fn weft_knits() -> &'static [Candidate] {
                 if chart == "p" {
                     "reverse-jersey".clone_into(&mut fabric.name);
                 }
-                Some(Candidate::relaxed(fabric))
+                Some(Candidate::relaxed(&fabric))
             })
             .collect()
     })

@@ -139,17 +139,26 @@ fn relative_diameter(fabric: &Fabric) -> f64 {
     2.0 * fabric.radius() / fabric.wale_spacing()
 }
 
-/// A fit with its fabric relaxed at the photos' proportion, its yarns so many times as thick.
+/// A fit with its fabric relaxed at the photos' proportion, its yarns so many times as thick, and as
+/// flat as suits the photos best.
 fn relaxed(views: &[FaceView], fit: &Fit, thickness: f64) -> Option<Fit> {
     let fabric = proportioned(&fit.candidate.fabric, fit.proportion(views), thickness);
-    both_hands(views, &Candidate::relaxed(fabric), Some(fit)).into_iter().next()
+    let spread = Candidate::relaxed_and_spread(&fabric).into_iter();
+    spread
+        .filter_map(|candidate| both_hands(views, &candidate, Some(fit)).into_iter().next())
+        .reduce(better)
 }
 
 /// The best of a fit and of the same with other thicknesses.
 fn best_of(views: &[FaceView], fit: Fit, thicknesses: &[f64]) -> Fit {
     let others: Vec<Fit> =
         thicknesses.iter().filter_map(|&thickness| relaxed(views, &fit, thickness)).collect();
-    others.into_iter().fold(fit, |a, b| if b.explained > a.explained { b } else { a })
+    others.into_iter().fold(fit, better)
+}
+
+/// The one of two fits that explains more.
+fn better(one: Fit, other: Fit) -> Fit {
+    if other.explained > one.explained { other } else { one }
 }
 
 /// The best first.

@@ -4,7 +4,7 @@
 //! Nets and laces lie on white paper or before a window as often as on something dark.
 //!
 //! Method: a photo's ground is light if the cloth that fits best explains clearly more with a light of the
-//! ground than with one that is dimmer in the depth. Cost: that of comparing all cloths twice, or three times where two
+//! ground than with one of the other bars. Cost: that of comparing all cloths twice, or three times where two
 //! photos lie on different grounds.
 
 use super::candidate::Candidate;

@@ -34,7 +34,7 @@ mod picture;
 mod same;
 mod search;
 mod sketch;
-mod sky_visibility;
+mod sky_light;
 mod stitches;
 mod unfold;
 mod view;
@@ -247,7 +247,7 @@ fn fitted(
 ) -> Result<Vec<Fit>, RecogniseError> {
     if !settings.lapping.is_empty() {
         let fabric = full_bars(&settings.lapping).map_err(|why| RecogniseError::Lapping { why })?;
-        let fits = fit_on_grounds(views, &[Candidate::relaxed(fabric)]);
+        let fits = fit_on_grounds(views, &[Candidate::relaxed(&fabric)]);
         return Ok(distinct(refine(views, &distinct(fits, 1), 1), 1));
     }
     let mut candidates: Vec<Candidate> = Vec::new();
@@ -339,7 +339,7 @@ mod tests {
         for (chains, is_known) in
             [(["1-2/1-0//", "1-0/1-2//"], true), (["0-1/1-2//", "2-3/0-1//"], false)]
         {
-            let cloth = Candidate::draft(full_bars(&chains.map(str::to_owned)).unwrap());
+            let cloth = Candidate::draft(&full_bars(&chains.map(str::to_owned)).unwrap());
             assert_eq!(candidate::is_known(&cloth), is_known, "{chains:?}");
         }
     }

@@ -160,7 +160,7 @@ impl Search {
             }
             self.returned.insert(key, (laps, number));
             own.into_iter().for_each(|bar| *bars.entry(bar).or_default() += 1);
-            let draft = Candidate::draft(proportioned(&fabric, hypothesis.proportion, 1.0));
+            let draft = Candidate::draft(&proportioned(&fabric, hypothesis.proportion, 1.0));
             fits.extend(fit_in(views, &[draft], &hypothesis.frames));
             if fits.len() >= most {
                 break;

@@ -1,19 +1,19 @@
 //! One repeat of a knit as a photo would show it: a height field with its shading.
 //!
 //! In: a relaxed [`Pattern`] and the face that is seen. Out: a [`Sketch`], channels of light that
-//! tile. Any light is about a sum of them: one that falls from the camera and two that fall from
-//! aside, each by the share of the sky that a place sees (`sky_visibility`), and one that is dimmer in the
-//! depth of the cloth. Where the ground behind the cloth is lighter than it, the ground's own light is one in
-//! place of the last. So a photo's light is fitted, not known.
+//! tile. Any light is about a sum of them: that of an even sky and of two skies that are brighter on
+//! one side, each as far as a place sees them (`sky_light`), and that of the even sky on all bars but
+//! the front one, which may have another colour. Cloth of a single bar has in its place a light that
+//! is dimmer in the depth. Where the ground behind the cloth is lighter than it, the ground's own
+//! light is one in place of the last. So a photo's light is fitted, not known.
 //!
-//! Method: orthographic projection of yarns, a quarter as flat as they may be, into a height buffer
-//! of twice the resolution.
-//! Cost: about 0.3 ms a course of a wale. Not promised: shadows and fibres.
+//! Method: orthographic projection of yarns into a height buffer of twice the resolution.
+//! Cost: about 0.3 ms a course of a wale. Not promised: sharp shadows and fibres.
 
 use glam::{DVec2, DVec3};
 
 use super::Face;
-use super::sky_visibility::sky_visibility;
+use super::sky_light::{SkyLight, sky_light};
 use crate::plane::{Plane, double, narrow, percentile, whole};
 use warpknit_core::fabric::Fabric;
 use warpknit_core::ids::index32;
@@ -32,16 +32,8 @@ pub(super) const FINE: usize = 2;
 const STEP: f64 = 0.6;
 /// Depth below the highest yarns at which 1/e of the light is left, wale spacings.
 const DIMMING: f64 = 0.44;
-/// Share of the light that falls on flanks of a yarn as on its top.
-const FLANK: f32 = 0.35;
 /// Share of the heights below the one that counts as the top: single bulges don't.
 const TOP: f32 = 0.98;
-
-/// Share of the width by which filaments spread that sketches have, between cloth of round yarns and
-/// cloth whose yarns lie as flat as can be. Of the 25 two-bar cloths of the bench, drawn fairly, 22
-/// and 13 are known with none of it, 22 and 19 with a half, and 17 and 20 with all of it. But with a
-/// half, a locknit on white paper is taken for another cloth: there the holes between yarns count.
-const SPREAD: f64 = 0.25;
 
 /// Number of channels.
 pub(super) const CHANNELS: usize = 4;
@@ -80,12 +72,20 @@ pub(super) struct Raster {
 pub(super) struct Sketch {
     /// Wales and courses.
     pub(super) repeat: [usize; 2],
-    /// Light from the camera, from the right, from below, and that of the depth.
+    /// Light of an even sky, from the right, from below, and on all bars but the front one, or that
+    /// of the depth.
     pub(super) channels: [Plane; CHANNELS],
     /// The share of each pixel in which no yarn is seen.
     pub(super) ground: Plane,
-    /// The light from the camera on each yarn system alone.
+    /// The light of an even sky on each yarn system alone.
     pub(super) yarns: Vec<Plane>,
+}
+
+/// How flat yarns lie: a share of the way from round ones to those that lie as flat as can be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PartSpread<'a> {
+    pub(super) spread: &'a Spread,
+    pub(super) share: f64,
 }
 
 /// What is seen at a place of the height buffer.
@@ -94,6 +94,8 @@ pub(super) struct Top {
     pub(super) height: f32,
     /// The normal's part in the picture's plane, y down.
     pub(super) lean: [f32; 2],
+    /// How far down its yarn reaches, mm. What lies below that is open.
+    pub(super) thickness: f32,
     pub(super) system: u8,
 }
 
@@ -129,10 +131,17 @@ impl Raster {
     }
 }
 
+impl PartSpread<'_> {
+    /// Half-width over radius at a data point of the repeat.
+    fn width(self, origin: u32) -> f64 {
+        1.0 + self.share * (f64::from(self.spread.ratio(origin)).sqrt() - 1.0)
+    }
+}
+
 impl Top {
     /// Nothing is seen.
     pub(super) const NOTHING: Self =
-        Self { height: f32::NEG_INFINITY, lean: [0.0; 2], system: NONE };
+        Self { height: f32::NEG_INFINITY, lean: [0.0; 2], thickness: 0.0, system: NONE };
 
     /// The normal's part toward the camera.
     pub(super) fn up(&self) -> f32 {
@@ -144,12 +153,6 @@ impl Top {
     pub(super) fn depth_light(&self, highest: f32, wale: f64) -> f32 {
         let dimming = narrow((DIMMING * wale).recip());
         (-(highest - self.height).max(0.0) * dimming).exp()
-    }
-
-    /// Its light in each channel, given its sky visibility and its light dimmed by depth.
-    pub(super) fn light(&self, sky: f32, depth: f32) -> [f32; CHANNELS] {
-        let [x, y] = self.lean;
-        [sky * (FLANK + (1.0 - FLANK) * self.up()), sky * x, sky * y, depth]
     }
 }
 
@@ -166,13 +169,12 @@ impl Face {
 
 impl Sketch {
     /// The repeat as seen from a face.
-    pub(super) fn new(fabric: &Fabric, pattern: &Pattern, face: Face) -> Self {
+    pub(super) fn new(fabric: &Fabric, pattern: &Pattern, part: PartSpread, face: Face) -> Self {
         let repeat = [fabric.threading_repeat(), fabric.repeat()];
         let mut buffer = HeightBuffer::new(fabric, repeat);
         let radius = fabric.radius();
-        let spread = Spread::of(fabric, pattern, radius);
         for (system, thickness) in fabric.thickness().into_iter().enumerate() {
-            buffer.draw((fabric, pattern, &spread), system, radius * thickness, face);
+            buffer.draw((fabric, pattern, part), system, radius * thickness, face);
         }
         buffer.shaded(repeat, fabric.wale_spacing(), fabric.yarn_systems())
     }
@@ -185,14 +187,14 @@ impl Sketch {
             values: (0..plane.values.len()).map(|at| sign * plane.values[flipped(at)]).collect(),
             ..*plane
         };
-        let [camera, right, below, depth] = &self.channels;
+        let [even, right, below, last] = &self.channels;
         Self {
             repeat: self.repeat,
             channels: [
-                mirrored(camera, 1.0),
+                mirrored(even, 1.0),
                 mirrored(right, -1.0),
                 mirrored(below, 1.0),
-                mirrored(depth, 1.0),
+                mirrored(last, 1.0),
             ],
             ground: mirrored(&self.ground, 1.0),
             yarns: self.yarns.iter().map(|yarn| mirrored(yarn, 1.0)).collect(),
@@ -201,10 +203,10 @@ impl Sketch {
 
     /// Its channels where it lies on some ground.
     pub(super) fn on(&self, ground: Ground) -> [&Plane; CHANNELS] {
-        let [camera, right, below, depth] = &self.channels;
+        let [even, right, below, last] = &self.channels;
         match ground {
-            Ground::Dark => [camera, right, below, depth],
-            Ground::Light => [camera, right, below, &self.ground],
+            Ground::Dark => [even, right, below, last],
+            Ground::Light => [even, right, below, &self.ground],
         }
     }
 }
@@ -222,7 +224,7 @@ impl HeightBuffer {
     /// Draws all yarns of a system.
     fn draw(
         &mut self,
-        (fabric, pattern, spread): (&Fabric, &Pattern, &Spread),
+        (fabric, pattern, part): (&Fabric, &Pattern, PartSpread),
         system: usize,
         radius: f64,
         face: Face,
@@ -240,10 +242,7 @@ impl HeightBuffer {
             let points: Vec<DVec3> = knitted.points.iter().map(|&point| face.seen(point)).collect();
             let name = u8::try_from(system).unwrap_or(NONE - 1);
             for at in 1..points.len().saturating_sub(2) {
-                let widths = [at, at + 1].map(|point| {
-                    let ratio = f64::from(spread.ratio(knitted.origins[point]));
-                    1.0 + SPREAD * (ratio.sqrt() - 1.0)
-                });
+                let widths = [at, at + 1].map(|point| part.width(knitted.origins[point]));
                 self.draw_span(&curve::span(&points, at), radius, widths, name);
             }
         }
@@ -276,6 +275,7 @@ impl HeightBuffer {
                 let top = Top {
                     height: narrow(middle.z + rise * radius / width),
                     lean: lean.to_array().map(narrow),
+                    thickness: narrow(2.0 * rise * radius / width),
                     system,
                 };
                 self.raise(place, top);
@@ -301,10 +301,15 @@ impl HeightBuffer {
         let mut heights: Vec<f32> =
             self.tops.iter().filter(|top| top.system != NONE).map(|top| top.height).collect();
         let highest = percentile(&mut heights, TOP);
-        let sky = sky_visibility(self, wale);
-        let light = |(top, sky): (&Top, &f32)| match top.system {
-            NONE => [0.0; CHANNELS],
-            _ => top.light(*sky, top.depth_light(highest, wale)),
+        let sky = sky_light(self, wale);
+        let light = |(top, sky): (&Top, &SkyLight)| {
+            let last = match top.system {
+                NONE => return [0.0; CHANNELS],
+                _ if systems == 1 => top.depth_light(highest, wale),
+                0 => 0.0,
+                _ => sky.even,
+            };
+            [sky.even, sky.aside[0], sky.aside[1], last]
         };
         let lights: Vec<[f32; CHANNELS]> = self.tops.iter().zip(&sky).map(light).collect();
         let [width, height] = self.size.map(|side| side / FINE);

@@ -38,6 +38,8 @@ const KINDS: usize = 28;
 /// together as the relaxation does, so that they look like cloth of thicker yarn: at 1, fewer
 /// lappings were found.
 const THICKNESS: f64 = 0.85;
+/// Share of the light that falls on flanks of a yarn as on its top.
+const FLANK: f32 = 0.35;
 /// Courses of the buffer in which a stitch is drawn: it reaches over three.
 const TALL: usize = 6;
 /// Rows of the buffer to a course.
@@ -246,7 +248,11 @@ fn drawn(like: &Fabric, kind: usize, face: Face) -> Vec<Vec<Spot>> {
                 // The highest yarns' light only scales all channels. What the yarns around it hide of
                 // the sky is not known yet.
                 let depth = top.depth_light(narrow(0.5 * wale), wale);
-                let light = top.light(depth, depth);
+                let [x, y] = top.lean;
+                let even = FLANK + (1.0 - FLANK) * top.up();
+                // That of all bars but the front one.
+                let last = if bar == 0 { 0.0 } else { even };
+                let light = [even, x, y, last].map(|light| light * depth);
                 Spot { row: row - tall, column: at % COLUMNS, height: top.height, light }
             })
             .collect()
