@@ -762,3 +762,30 @@ fn a_locknit_s_photos_become_a_fabric_of_bars_and_noise_becomes_none() {
     let refused = run(folder, &["noise.png", "--structure", "knit", "-o", "none"]);
     assert!(!refused.status.success() && !folder.join("none").exists());
 }
+
+/// As docs/capture.md has it: bars of two colours, uneven yarns whose filaments spread, raw edges.
+#[test]
+fn a_drawn_locknit_of_two_colours_is_known_from_its_back_and_from_both_faces() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for view in ["back", "front"] {
+        let picture = format!("{view}.png");
+        let arguments = ["--fabric", "locknit", "--view", view, "--wales", "24", "--courses", "36"];
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_warpknit"))
+            .current_dir(folder)
+            .arg("swatch")
+            .args(arguments)
+            .args(["--size", "800x800", "--background", "#101010", "-o", &picture])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    for (name, front) in [("one", &[][..]), ("both", &["--front", "front.png"])] {
+        let arguments = [&["back.png", "-o", name][..], front].concat();
+        let output = run(folder, &arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let report = std::fs::read(folder.join(name).join("report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        assert_eq!(report["ranked"][0]["name"], "locknit", "{name}: {}", report["ranked"]);
+    }
+}

@@ -1,4 +1,4 @@
-//! What renderers draw at all: points near enough, and radii neither nothing nor endless.
+//! What renderers draw at all: points that are near enough, and radii above 0.
 
 use glam::Vec3;
 
@@ -13,7 +13,7 @@ pub fn drawable(point: Vec3) -> bool {
     point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
 }
 
-/// Whether renderers draw yarns of this radius.
+/// Whether renderers draw yarns of this radius: above 0 and below [`MAX_COORDINATE`].
 pub(crate) fn is_drawable_radius(radius: f32) -> bool {
     radius > 0.0 && radius < MAX_COORDINATE
 }

@@ -19,7 +19,7 @@ use crate::plane::{Plane, double, narrow};
 /// Share of a channel's power that is added to it: a light of which a little is seen in the photo
 /// may not explain much of it.
 const RIDGE: [f64; CHANNELS] = [0.02, 0.3, 0.3, 0.3];
-/// The same on light ground. Its own light may explain as much as the camera's, so it has the same ridge.
+/// The same on light ground. Its own light may explain as much as the even sky's, so it has the same ridge.
 const RIDGE_ON_LIGHT: [f64; CHANNELS] = [0.02, 0.3, 0.3, 0.02];
 
 /// A sketch, ready to be compared.
@@ -128,7 +128,7 @@ impl Template {
         let scale = gram[0][0].max(f64::MIN_POSITIVE);
         let plain = DMat4::from_cols_array_2d(&gram);
         let ridges = match ground {
-            Ground::Dark => RIDGE,
+            Ground::Dark | Ground::Bars => RIDGE,
             Ground::Light => RIDGE_ON_LIGHT,
         };
         for (at, ridge) in ridges.into_iter().enumerate() {
@@ -136,10 +136,11 @@ impl Template {
         }
         // The light `l` that fits products `p` is `inverse p`, and it explains `2 l p - l plain l`.
         let inverse = DMat4::from_cols_array_2d(&gram).inverse();
-        // Beside light ground high yarns may be dark places of the cell. But the light that fits must shine on
-        // them, and the ground must have some of its own.
+        // Beside light ground or lighter bars, high yarns may be dark places of the cell. But the light that
+        // fits must shine on them, and on the other bars, and the ground must have some of its own.
         let possible = match ground {
             Ground::Dark => [DVec4::X; 2],
+            Ground::Bars => [inverse.row(0), inverse.row(0) + inverse.row(CHANNELS - 1)],
             Ground::Light => [inverse.row(0), inverse.row(CHANNELS - 1)],
         };
         Self { spectra, explained: 2.0 * inverse - inverse * plain * inverse, possible }

@@ -139,12 +139,12 @@ fn relative_diameter(fabric: &Fabric) -> f64 {
     2.0 * fabric.radius() / fabric.wale_spacing()
 }
 
-/// A fit with its fabric relaxed at the photos' proportion, its yarns so many times as thick, and as
-/// flat as suits the photos best.
+/// A fit with its fabric relaxed at the photos' proportion. Its yarns are so many times as thick, and
+/// as flat as suits the photos best.
 fn relaxed(views: &[FaceView], fit: &Fit, thickness: f64) -> Option<Fit> {
     let fabric = proportioned(&fit.candidate.fabric, fit.proportion(views), thickness);
-    let spread = Candidate::relaxed_and_spread(&fabric).into_iter();
-    spread
+    let candidates = Candidate::relaxed_and_spread(&fabric).into_iter();
+    candidates
         .filter_map(|candidate| both_hands(views, &candidate, Some(fit)).into_iter().next())
         .reduce(better)
 }

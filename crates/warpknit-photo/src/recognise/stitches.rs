@@ -1,7 +1,8 @@
 //! Stitches of fully threaded bars, drawn once and put together to any lapping.
 //!
 //! In: the proportion of courses to wales, and laps of one or two full bars. Out: the lights of a
-//! sketch, place by place, finely or roughly, near those that [`super::sketch`] makes of a draft.
+//! sketch, place by place, finely or roughly, near those that [`super::sketch`] makes of a draft of round
+//! yarns.
 //!
 //! Method: on straight wales a stitch (a loop and the underlap to the next one) depends on its
 //! bar, the direction of its lap, that of the next lap, and the needles between them: 28 stitches a
@@ -12,8 +13,7 @@
 //! Rough lappings are put together from the stitches at half the resolution.
 //!
 //! Cost: a look at some hundred places a stitch, a quarter of that for a rough lapping. Not promised: the picture of a
-//! draft: stitches are lit by their depth alone. A channel of light of an irregular lapping's face correlates
-//! by 0.5 only with that of a draft that is lit so too.
+//! draft. Stitches are dimmer in the depth, and what yarns around them hide of the sky plays no role.
 
 use std::collections::BTreeMap;
 
@@ -38,7 +38,7 @@ const KINDS: usize = 28;
 /// together as the relaxation does, so that they look like cloth of thicker yarn: at 1, fewer
 /// lappings were found.
 const THICKNESS: f64 = 0.85;
-/// Share of the light that falls on flanks of a yarn as on its top.
+/// Share of the light that falls on flanks of a yarn as on its top: a part of the sky is beside it.
 const FLANK: f32 = 0.35;
 /// Courses of the buffer in which a stitch is drawn: it reaches over three.
 const TALL: usize = 6;
@@ -168,6 +168,9 @@ impl Stitches {
                     if spot.height > heights[at] {
                         heights[at] = spot.height;
                         lights[at] = spot.light;
+                        if ground == Ground::Bars {
+                            lights[at][CHANNELS - 1] = if bar == 0 { 0.0 } else { spot.light[0] };
+                        }
                     }
                 }
             }
@@ -250,9 +253,7 @@ fn drawn(like: &Fabric, kind: usize, face: Face) -> Vec<Vec<Spot>> {
                 let depth = top.depth_light(narrow(0.5 * wale), wale);
                 let [x, y] = top.lean;
                 let even = FLANK + (1.0 - FLANK) * top.up();
-                // That of all bars but the front one.
-                let last = if bar == 0 { 0.0 } else { even };
-                let light = [even, x, y, last].map(|light| light * depth);
+                let light = [even, x, y, 1.0].map(|light| light * depth);
                 Spot { row: row - tall, column: at % COLUMNS, height: top.height, light }
             })
             .collect()
@@ -344,7 +345,7 @@ mod tests {
             vec![vec![(0, true), (3, false), (1, true)], vec![(1, true), (0, false), (1, false)]];
         let mut stitches = Stitches::new(3, 0.8).unwrap();
         stitches.prepare(std::slice::from_ref(&laps));
-        let grounds = [Ground::Dark, Ground::Light];
+        let grounds = [Ground::Dark, Ground::Bars, Ground::Light];
         for (face, ground) in
             [Face::Front, Face::Back].into_iter().flat_map(|face| grounds.map(|own| (face, own)))
         {
