@@ -6,8 +6,8 @@
 //!
 //! Method: a photo's ground is light, or its bars have several colours, if the cloth that fits best
 //! explains clearly more with the light of the ground, or of the other bars, than with one that is
-//! dimmer in the depth. Cost: that of comparing all cloths three times, or four times where two photos
-//! differ.
+//! dimmer in the depth. All photos are of one cloth: colours that one shows clearly are the others'
+//! too. Cost: that of comparing all cloths three times, or four times where two photos differ.
 
 use super::candidate::Candidate;
 use super::fit::{Fit, fit_all};
@@ -31,11 +31,14 @@ pub(super) fn fit_on_grounds(views: &mut [FaceView], candidates: &[Candidate]) -
     let best = |fits: &[Fit], photo: usize| {
         fits.iter().map(|fit| fit.scores[photo].explained).fold(0.0, f64::max)
     };
-    for (photo, view) in views.iter_mut().enumerate() {
-        let [dark, bars, light] = [&dark, &bars, &light].map(|fits| best(fits, photo));
+    let shares: Vec<[f64; 3]> = (0..views.len())
+        .map(|photo| [&dark, &bars, &light].map(|fits| best(fits, photo)))
+        .collect();
+    let is_colored = shares.iter().any(|[dark, bars, _]| *bars > CLEARLY_COLORED * dark);
+    for (view, [dark, bars, light]) in views.iter_mut().zip(shares) {
         view.ground = if light > CLEARLY_LIGHT * dark.max(bars) {
             Ground::Light
-        } else if bars > CLEARLY_COLORED * dark {
+        } else if is_colored {
             Ground::Bars
         } else {
             Ground::Dark
