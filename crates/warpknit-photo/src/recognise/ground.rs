@@ -35,8 +35,8 @@ pub(super) fn fit_on_grounds(views: &mut [FaceView], candidates: &[Candidate]) -
         .map(|photo| [&dark, &bars, &light].map(|fits| best(fits, photo)))
         .collect();
     let is_colored = shares.iter().any(|[dark, bars, _]| *bars > CLEARLY_COLORED * dark);
-    for (view, [dark, bars, light]) in views.iter_mut().zip(shares) {
-        view.ground = if light > CLEARLY_LIGHT * dark.max(bars) {
+    for (view, [dark, _, light]) in views.iter_mut().zip(shares) {
+        view.ground = if light > CLEARLY_LIGHT * dark {
             Ground::Light
         } else if is_colored {
             Ground::Bars
