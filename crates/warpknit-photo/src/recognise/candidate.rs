@@ -21,7 +21,8 @@ use warpknit_core::knit::spread::Spread;
 
 /// Shares of the width by which filaments spread that are tried once a cloth is relaxed: cloth of
 /// round yarns, cloth whose yarns lie as flat as can be, and one in between. Of two-bar cloths of
-/// spread yarns, 18 of 25 were known with a quarter alone, and 20 with these.
+/// spread yarns, 18 of 25 were known with a quarter alone, and 20 with these, both before
+/// [`super::sky_light`] let light pass below yarns. With that, 16 are.
 const SPREADS: [f64; 3] = [0.0, 0.5, 1.0];
 /// The share before that. With a half, a locknit on white paper was taken for another cloth; with
 /// none, fewer cloths of spread yarns are found.
